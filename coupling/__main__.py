@@ -1,0 +1,3 @@
+from coupling.command_line import main
+
+raise SystemExit(main())
