@@ -1,0 +1,323 @@
+"""What a case file may hold: one frozen dataclass a section, each input with its default, range and source.
+
+All inputs are in SI units; a unit stands in the key where a quantity has one (`_m`, `_Pa`, `_per_s`). "Table I" is that of
+Yang & Juanes (2018), "the paper"; where the paper is silent or contradicts itself, the comment says what is taken and why.
+`allowed` attaches the range that coupling/case.py enforces.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def allowed(
+    default: Any,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """A dataclass field with its default and the range of its value, or of each of its values."""
+    limits = {"above": above, "at_least": at_least, "below": below, "at_most": at_most, "choices": choices}
+    limits = {name: limit for name, limit in limits.items() if limit not in (None, ())}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=limits)
+    return field(default=default, metadata=limits)
+
+
+@dataclass(frozen=True)
+class Pack:
+    """The packing of spheres before it is loaded: grown, compacted isotropically, floaters removed."""
+
+    # Seed of the grains' random positions and sizes; runs with the same [pack] and [material] share one cached pack.
+    seed: int = allowed(1, at_least=1, at_most=2_000_000_000)
+    # Size of the box along x, y, z: Table I.
+    box_m: tuple[float, float, float] = allowed((0.08, 0.02, 0.05), above=0.0, at_most=1e3)
+    # Smallest and largest diameter, uniform between them: Table I.
+    diameter_m: tuple[float, float] = allowed((1.8e-3, 2.2e-3), above=0.0, at_most=1e3)
+    # Porosity aimed at: Table I. What is reached stands in the report.
+    porosity: float = allowed(0.35, at_least=0.2, at_most=0.9)
+    # Density of a grain: Table I.
+    density_kg_m3: float = allowed(2650.0, above=0.0, at_most=1e9)
+    # Isotropic stress that the pack is compacted to: the vertical stress of Table I.
+    confining_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
+    # Values for the `variable ... index` lines of liggghts-inputs/in.pack, which holds their defaults.
+    deck_variables: dict[str, float | int | str] = allowed({})
+
+
+@dataclass(frozen=True)
+class Material:
+    """Linear elastic-frictional contacts (Cundall & Strack), the same for all grains and walls but for the walls' friction, which is 0."""
+
+    # How `modulus_Pa` gives the normal stiffness k_n. The paper's 5e10 "N/m" would cap the stress near 50 MPa at a strain of 1e-5, where its
+    # ramped pressure is below 0.1 MPa, so it is read as an effective modulus E*: k_n = pi min(R)^2 E* / (R1 + R2), as in PFC's linear
+    # model. "older-pfc" is k_n = 4 R E_c. "literal" takes the number as k_n in N/m: the stiff extreme, 25 times as many steps.
+    stiffness_reading: str = allowed("effective-modulus", choices=("effective-modulus", "older-pfc", "literal"))
+    # Table I's 5.0e10, in Pa, or in N/m where it is read literally.
+    modulus_Pa: float = allowed(5e10, above=0.0, at_most=1e15)
+    # k_s / k_n: the paper gives none; 1/2 lies inside the range of elastic spheres in contact, 2/3 to 1, and below it for softer shear.
+    shear_stiffness_ratio: float = allowed(0.5, at_least=0.0, at_most=1.0)
+    # Coefficient of friction between grains: Table I.
+    friction: float = allowed(0.5, at_least=0.0, at_most=10.0)
+    # Coefficient of restitution of two mean grains, which sets the viscous damping of contacts; the paper gives none, and
+    # quasi-static loading does not depend on it.
+    restitution: float = allowed(0.5, above=0.0, at_most=1.0)
+    # PFC's local damping while loading, F -= alpha |F| sign(v) by component: 0 is off, the default; the paper gives none.
+    local_damping: float = allowed(0.0, at_least=0.0, below=1.0)
+
+    def normal_stiffness(self, radius_m: float) -> float:
+        """k_n of two grains of one radius, N/m."""
+        if self.stiffness_reading == "effective-modulus":
+            return math.pi * radius_m * self.modulus_Pa / 2.0
+        if self.stiffness_reading == "older-pfc":
+            return 4.0 * radius_m * self.modulus_Pa
+        return self.modulus_Pa
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """Linear contact bonds (Potyondy & Cundall) between the grains of either block."""
+
+    # Whether the blocks are bonded at all.
+    enabled: bool = allowed(True)
+    # Tensile strength as a stress, mean and standard deviation of a normal distribution: Table I; times pi min(R)^2 it is the
+    # force at which a bond breaks, about 3.1 kN.
+    strength_mean_Pa: float = allowed(1e9, above=0.0, at_most=1e15)
+    strength_sd_Pa: float = allowed(0.2e9, at_least=0.0, at_most=1e15)
+    # Shear strength over tensile strength: Table I gives the same for both.
+    shear_ratio: float = allowed(1.0, above=0.0, at_most=1e3)
+    # Pairs with at most this gap between their surfaces are bonded: 0 bonds only those that touch.
+    gap_m: float = allowed(0.0, at_least=0.0, at_most=1e3)
+    # Seed of the strengths, hashed with the ids of the two grains.
+    seed: int = allowed(1, at_least=1, at_most=2_000_000_000)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """The gouge layer through the centre of the box, between two bonded blocks."""
+
+    # Width of the layer across itself: Table I.
+    gouge_width_m: float = allowed(0.012, above=0.0, at_most=1e3)
+    # Dip of the layer from the horizontal: the paper's Fig. 3; 90 makes the fault's normal the x axis.
+    dip_degrees: float = allowed(45.0, above=0.0, at_most=90.0)
+    # Gouge grains whose centres lie within this distance of the top or bottom face have u_z = 0: paper, section II.D. A little
+    # under one diameter: one layer of grains.
+    end_band_m: float = allowed(1.5e-3, at_least=0.0, at_most=1e3)
+
+
+@dataclass(frozen=True)
+class Loading:
+    """Horizontal compression at a constant rate under a constant vertical stress."""
+
+    # Horizontal strain reached at the end, at which the pressures reach their targets: paper, section II.E.
+    horizontal_strain: float = allowed(3.1e-3, above=0.0, below=0.5)
+    # Rate of that strain. The paper's is 7.8e-3; 200 times that is still quasi-static (unbalanced-force ratio in the report).
+    strain_rate_per_s: float = allowed(1.56, above=0.0, at_most=1e9)
+    # Total vertical stress on the blocks, held by servo: Table I.
+    vertical_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
+    # A run ends early when the vertical extension reaches this strain: p_t is above the vertical stress, so the blocks part
+    # for good once the gouge has slid.
+    stop_vertical_strain: float = allowed(0.02, above=0.0, below=1.0)
+    # Time step over 0.63 sqrt(m_min / k_n), the limit of a dense pack.
+    time_step_fraction: float = allowed(0.3, above=0.0, at_most=1.0)
+    # Values for the `variable ... index` lines of liggghts-inputs/in.fault, which holds their defaults.
+    deck_variables: dict[str, float | int | str] = allowed({})
+
+
+@dataclass(frozen=True)
+class Supplement:
+    """Loads of the scene "supplement": fault normal along x, periodic in z, stresses held while the pressures rise."""
+
+    # Total normal stress on the x walls.
+    normal_stress_Pa: float = allowed(4e7, above=0.0, at_most=1e12)
+    # Shear stress on the fault, along z.
+    shear_stress_Pa: float = allowed(1e7, at_least=0.0, at_most=1e12)
+    # Time in which the pressures rise linearly to their targets.
+    ramp_time_s: float = allowed(1e-3, above=0.0, at_most=1e6)
+    # Time that the targets are held after that.
+    hold_time_s: float = allowed(1e-3, at_least=0.0, at_most=1e6)
+    # A run ends early when the blocks have slipped this far past each other.
+    stop_slip_m: float = allowed(1e-3, above=0.0, at_most=1e3)
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """Pore pressure, prescribed: a function of position and horizontal strain."""
+
+    # "none": dry. "uniform": the same everywhere. "linear": one pressure in each block and linear across the gouge between
+    # them, as in the paper. "expression": given by `expression`.
+    mode: str = allowed("linear", choices=("none", "uniform", "linear", "expression"))
+    # Pressures reached in the left (lower) and right (upper) block at the end of the ramp; p_t = 2.5e7 in Table I.
+    left_target_Pa: float = allowed(0.0, at_least=0.0, at_most=1e12)
+    right_target_Pa: float = allowed(0.0, at_least=0.0, at_most=1e12)
+    # How the targets are reached: linearly in strain (in time, in the scene "supplement").
+    ramp: str = allowed("strain", choices=("strain",))
+    # Pressure in Pa as a formula of EXPRESSION_NAMES, for mode "expression".
+    expression: str = allowed("")
+
+
+#: What a pressure formula may name, and what each is.
+EXPRESSION_NAMES = {
+    "x": "position, m",
+    "y": "position, m",
+    "z": "position, m",
+    "s": "distance from the middle of the gouge across it, m, positive in the right block",
+    "width": "width of the gouge, m",
+    "strain": "horizontal strain",
+    "time": "time since loading began, s",
+    "p_left": "ramped pressure of the left block, Pa",
+    "p_right": "ramped pressure of the right block, Pa",
+    "p_t": "the larger of the two targets, Pa",
+}
+
+
+@dataclass(frozen=True)
+class Flow:
+    """How the pore pressure becomes forces on the grains."""
+
+    # "none": no pore forces, and no mesh is built. "prescribed": the pressure of [pressure] acts on the grains, which do not act back.
+    kind: str = allowed("prescribed", choices=("none", "prescribed"))
+    # "total": pressure on the grains' surfaces and drag in the throats, the exact gradient of sum p V. "pressure": (2) of the paper alone.
+    forces: str = allowed("total", choices=("total", "pressure"))
+    # Steps between two updates of the forces.
+    interval_steps: int = allowed(20, at_least=1, at_most=1_000_000_000)
+    # Which deck include adds the forces: "fast", the compiled fix, or "addforce", LIGGGHTS' own fix addforce with atom-style variables.
+    pore_force: str = allowed("fast", choices=("fast", "addforce"))
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a run writes, and how often."""
+
+    # Steps between two lines of history.csv.
+    history_interval_steps: int = allowed(100, at_least=1, at_most=1_000_000_000)
+    # Number of snapshots for ParaView, evenly spaced, the first at the start of loading and the last at its end: 0 writes none.
+    snapshots: int = allowed(0, at_least=0, at_most=100_000)
+    # Steps between two checkpoints: 0 writes none.
+    checkpoint_every_steps: int = allowed(0, at_least=0, at_most=1_000_000_000)
+
+
+SECTIONS = {
+    "pack": Pack,
+    "material": Material,
+    "bonds": Bonds,
+    "fault": Fault,
+    "loading": Loading,
+    "supplement": Supplement,
+    "pressure": Pressure,
+    "flow": Flow,
+    "output": Output,
+}
+SCENES = ("two_sides", "supplement")
+ENGINES = ("liggghts",)
+
+
+@dataclass(frozen=True)
+class RunCase:
+    """One run with every input resolved."""
+
+    case: str  # stem of the case file's name
+    name: str  # name of the run; with several packs `<group>-seed<seed>`
+    group: str  # name of the run without its pack
+    title: str
+    scene: str
+    engine: str
+    pack: Pack
+    material: Material
+    bonds: Bonds
+    fault: Fault
+    loading: Loading
+    supplement: Supplement
+    pressure: Pressure
+    flow: Flow
+    output: Output
+
+    @property
+    def mean_radius_m(self) -> float:
+        return sum(self.pack.diameter_m) / 4.0
+
+    @property
+    def normal_stiffness_N_per_m(self) -> float:
+        """k_n of two mean grains."""
+        return self.material.normal_stiffness(self.mean_radius_m)
+
+    @property
+    def shear_stiffness_N_per_m(self) -> float:
+        """k_s of two mean grains."""
+        return self.material.shear_stiffness_ratio * self.normal_stiffness_N_per_m
+
+    @property
+    def normal_damping_per_s(self) -> float:
+        """gamma_n of F = -gamma_n m_eff v_n for the restitution of two mean grains."""
+        if self.material.restitution == 1.0:
+            return 0.0
+        half_mass = self._mass(self.mean_radius_m) / 2.0
+        logarithm = math.log(self.material.restitution)
+        damping_ratio = -logarithm / math.hypot(math.pi, logarithm)
+        return 2.0 * damping_ratio * math.sqrt(self.normal_stiffness_N_per_m / half_mass)
+
+    @property
+    def critical_time_step_s(self) -> float:
+        """0.63 sqrt(m_min / k_n), the limit seen in dense packs."""
+        lightest = self._mass(self.pack.diameter_m[0] / 2.0)
+        return 0.63 * math.sqrt(lightest / self.normal_stiffness_N_per_m)
+
+    @property
+    def time_step_s(self) -> float:
+        return self.loading.time_step_fraction * self.critical_time_step_s
+
+    @property
+    def loading_time_s(self) -> float:
+        """Time from the start of loading to its end."""
+        if self.scene == "supplement":
+            return self.supplement.ramp_time_s + self.supplement.hold_time_s
+        return self.loading.horizontal_strain / self.loading.strain_rate_per_s
+
+    @property
+    def loading_steps(self) -> int:
+        return math.ceil(self.loading_time_s / self.time_step_s)
+
+    @property
+    def estimated_grains(self) -> int:
+        """Grains that fill the box at the target porosity, diameters uniform between the smallest and the largest."""
+        smallest, largest = self.pack.diameter_m
+        mean_cube = (smallest**2 + largest**2) * (smallest + largest) / 4.0
+        return round(math.prod(self.pack.box_m) * (1.0 - self.pack.porosity) / (math.pi / 6.0 * mean_cube))
+
+    @property
+    def needs_mesh(self) -> bool:
+        """Whether any pore force acts, so that the pore network is needed at all."""
+        return self.flow.kind != "none" and self.pressure.mode != "none"
+
+    def _mass(self, radius_m: float) -> float:
+        return self.pack.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every input with its value, as case.json holds it, and under `derived` what follows from them."""
+        resolved: dict[str, Any] = {"case": self.case, "run": self.name, "group": self.group}
+        resolved |= {"title": self.title, "scene": self.scene, "engine": self.engine}
+        resolved |= {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
+        derived = (
+            "normal_stiffness_N_per_m",
+            "shear_stiffness_N_per_m",
+            "normal_damping_per_s",
+            "critical_time_step_s",
+            "time_step_s",
+            "loading_steps",
+            "estimated_grains",
+        )
+        resolved["derived"] = {name: getattr(self, name) for name in derived}
+        return resolved
+
+
+@dataclass(frozen=True)
+class CaseFile:
+    """A case file: the runs it stands for, in its own order."""
+
+    stem: str
+    runs: tuple[RunCase, ...]
