@@ -2,7 +2,7 @@
 
 All inputs are in SI units; a unit stands in the key where a quantity has one (`_m`, `_Pa`, `_per_s`). "Table I" is that of
 Yang & Juanes (2018), "the paper"; where the paper is silent or contradicts itself, the comment says what is taken and why.
-`allowed` attaches the range that coupling/case.py enforces.
+`allowed` attaches the range that coupling/case_checks.py enforces.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Material:
     stiffness_reading: str = allowed("effective-modulus", choices=("effective-modulus", "older-pfc", "literal"))
     # Table I's 5.0e10, in Pa, or in N/m where it is read literally.
     modulus_Pa: float = allowed(5e10, above=0.0, at_most=1e15)
-    # k_s / k_n: the paper gives none; 1/2 lies inside the range of elastic spheres in contact, 2/3 to 1, and below it for softer shear.
+    # k_s / k_n: the paper gives none (elastic spheres without slip have 2/3 to 1).
     shear_stiffness_ratio: float = allowed(0.5, at_least=0.0, at_most=1.0)
     # Coefficient of friction between grains: Table I.
     friction: float = allowed(0.5, at_least=0.0, at_most=10.0)

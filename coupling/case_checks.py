@@ -1,0 +1,207 @@
+"""Whether a run makes sense: the range of each input, and inputs that have to fit one another."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from coupling.case_schema import EXPRESSION_NAMES, SECTIONS, RunCase
+
+#: A key (dotted), and what is wrong with its value and what to do.
+Problem = tuple[str, str]
+
+
+def problems(run: RunCase) -> Iterator[Problem]:
+    """All that is wrong with a run whose values have the right types; cross checks only once every value is in its range."""
+    out_of_range = list(_ranges(run))
+    yield from out_of_range
+    if not out_of_range:
+        for check in (_geometry, _loading, _pressure, _intervals):
+            yield from check(run)
+
+
+def _ranges(run: RunCase) -> Iterator[Problem]:
+    for section in SECTIONS:
+        part = getattr(run, section)
+        for field in dataclasses.fields(part):
+            value = getattr(part, field.name)
+            values = value if isinstance(value, tuple) else (value,)
+            if not all(_within(one, field.metadata) for one in values):
+                yield f"{section}.{field.name}", f"allowed is {allowed_text(field)}"
+
+
+def _within(value: Any, limits: Any) -> bool:
+    if "choices" in limits:
+        return value in limits["choices"]
+    return (
+        value > limits.get("above", -math.inf)
+        and value >= limits.get("at_least", -math.inf)
+        and value < limits.get("below", math.inf)
+        and value <= limits.get("at_most", math.inf)
+        if limits
+        else True
+    )
+
+
+def allowed_text(field: dataclasses.Field) -> str:
+    """What a key may hold, for messages: type, range, default."""
+    limits = field.metadata
+    kind = {
+        "bool": "true or false",
+        "int": "a whole number",
+        "float": "a finite number",
+        "str": "text in quotes",
+        "tuple[float, float]": "two finite numbers, [smallest, largest]",
+        "tuple[float, float, float]": "three finite numbers, [x, y, z]",
+        "dict[str, float | int | str]": "a table of numbers and texts, { name = value }",
+    }[field.type]
+    if "choices" in limits:
+        kind = "one of " + ", ".join(f'"{choice}"' for choice in limits["choices"])
+    words = {"above": "above", "at_least": "at least", "below": "below", "at_most": "at most"}
+    bounds = " and ".join(f"{words[name]} {limits[name]:g}" for name in words if name in limits)
+    default = "" if field.default is dataclasses.MISSING else f"; the default is {toml_text(field.default)}"
+    return kind + (f", {bounds}" if bounds else "") + default
+
+
+def toml_text(value: Any) -> str:
+    """A value as a case file writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_text(one) for one in value) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name} = {toml_text(one)}" for name, one in value.items()) + " }"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _geometry(run: RunCase) -> Iterator[Problem]:
+    smallest, largest = run.pack.diameter_m
+    if smallest > largest:
+        yield "pack.diameter_m", "the smallest diameter stands first and the largest second; swap them"
+        return
+    if min(run.pack.box_m) < 3.0 * largest:
+        yield "pack.box_m", f"each side must hold three of the largest grains, {3.0 * largest:g} m; enlarge the box or choose smaller grains"
+        return
+    if run.estimated_grains > 2**31 - 1:
+        yield "pack.diameter_m", f"the box would hold {run.estimated_grains:.3g} grains, more than the engine can number; choose larger grains"
+        return
+    length, _, height = run.pack.box_m
+    width, dip = run.fault.gouge_width_m, math.radians(run.fault.dip_degrees)
+    if width < 2.0 * largest:
+        yield "fault.gouge_width_m", f"the gouge must hold two of the largest grains across, {2.0 * largest:g} m; widen it or choose smaller grains"
+    if run.scene == "supplement" and run.fault.dip_degrees != 90.0:
+        yield "fault.dip_degrees", 'the scene "supplement" has its fault\'s normal along x: set it to 90'
+    if run.scene == "two_sides" and run.fault.dip_degrees == 90.0:
+        yield "fault.dip_degrees", 'horizontal compression cannot shear a vertical fault: choose a dip below 90, or the scene "supplement"'
+    # The layer meets the top face this far to one side of the middle, and the bottom face as far to the other.
+    reach = width / (2.0 * math.sin(dip)) + height / 2.0 / math.tan(dip)
+    if reach + 2.0 * largest > length / 2.0:
+        yield (
+            "fault.gouge_width_m",
+            f"the gouge (width {width:g} m, dip {run.fault.dip_degrees:g}) reaches {reach:g} m to either side of the middle, and each block must keep "
+            f"a strip of two of the largest grains between it and the x wall, {length / 2.0:g} m from the middle; narrow the gouge, "
+            "raise fault.dip_degrees, or enlarge pack.box_m along x",
+        )
+    if run.fault.end_band_m > height / 4.0:
+        yield "fault.end_band_m", f"at most a quarter of the box's height, {height / 4.0:g} m; it is meant to hold one layer of grains"
+
+
+def _loading(run: RunCase) -> Iterator[Problem]:
+    if run.bonds.strength_sd_Pa >= run.bonds.strength_mean_Pa:
+        yield "bonds.strength_sd_Pa", f"must be below the mean strength, {run.bonds.strength_mean_Pa:g} Pa, or many bonds would have none"
+    rate = "supplement.ramp_time_s" if run.scene == "supplement" else "loading.strain_rate_per_s"
+    slower = "lengthen it" if run.scene == "supplement" else "lower it"
+    faster = "shorten it" if run.scene == "supplement" else "raise it"
+    if run.loading_steps < 10:
+        yield rate, f"loading takes {run.loading_steps} steps of {run.time_step_s:.3g} s, too few to follow the grains; {slower}"
+    if run.loading_steps > 2**31 - 1:
+        yield rate, f"loading takes {run.loading_steps:.3g} steps of {run.time_step_s:.3g} s, more than the engine can count; {faster}"
+
+
+def _pressure(run: RunCase) -> Iterator[Problem]:
+    pressure = run.pressure
+    if pressure.mode == "none":
+        return
+    if run.flow.kind == "none":
+        yield "flow.kind", f'with "none" the pressure of mode "{pressure.mode}" would act on no grain; set flow.kind = "prescribed", or pressure.mode = "none" for a dry run'
+    if pressure.mode == "expression":
+        trouble = _expression_trouble(run)
+        if trouble:
+            yield "pressure.expression", trouble
+        return
+    if pressure.expression:
+        yield "pressure.expression", f'has no effect in mode "{pressure.mode}"; set pressure.mode = "expression" or leave it out'
+    if pressure.mode == "uniform" and pressure.left_target_Pa != pressure.right_target_Pa:
+        yield "pressure.right_target_Pa", f'must equal left_target_Pa, {pressure.left_target_Pa:g}, in mode "uniform"; choose mode "linear" for two pressures'
+    if pressure.left_target_Pa == pressure.right_target_Pa == 0.0:
+        yield "pressure.mode", 'both targets are 0: give left_target_Pa or right_target_Pa, or set pressure.mode = "none" for a dry run'
+
+
+def _expression_trouble(run: RunCase) -> str | None:
+    """What is wrong with a pressure formula, found from its names and from its values over the box before and after loading."""
+    text = run.pressure.expression.strip()
+    names = ", ".join(EXPRESSION_NAMES)
+    if not text:
+        return f'mode "expression" needs a formula, such as "p_left * (s < 0)"; it may name {names}'
+    try:
+        tree = ast.parse(text, mode="eval")
+    except (SyntaxError, ValueError) as error:
+        return f"is not a formula ({error.args[0]}); write it as in Python, with ** for powers, & and | for and, or"
+    # Deferred: only a case with a formula needs numexpr, which takes a tenth of a second to import.
+    import numexpr
+    import numpy as np
+    from numexpr.expressions import functions
+
+    called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    named = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - called
+    if unknown := sorted(named - set(EXPRESSION_NAMES)):
+        return f"names {', '.join(unknown)}, but it may name only {names}"
+    if unknown := sorted(called - set(functions)):
+        return f"calls {', '.join(unknown)}, but it may call only {', '.join(sorted(functions))}"
+
+    x, y, z = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0.0, side, 9) for side in run.pack.box_m), indexing="ij"))
+    dip = math.radians(run.fault.dip_degrees)
+    length, _, height = run.pack.box_m
+    s = (x - length / 2.0) * math.sin(dip) + (z - height / 2.0) * math.cos(dip)
+    targets = run.pressure.left_target_Pa, run.pressure.right_target_Pa
+    for fraction in (0.0, 1.0):
+        values = {"x": x, "y": y, "z": z, "s": s, "width": run.fault.gouge_width_m, "p_t": max(targets)}
+        values |= {"strain": fraction * run.loading.horizontal_strain, "time": fraction * run.loading_time_s}
+        values |= {"p_left": fraction * targets[0], "p_right": fraction * targets[1]}
+        try:
+            result = np.broadcast_to(numexpr.evaluate(text, local_dict=values, global_dict={}), x.shape)
+        except Exception as error:  # numexpr raises whatever its own evaluation met
+            return f"cannot be evaluated ({error})"
+        if result.dtype.kind not in "fi":
+            return f"yields {'true or false' if result.dtype.kind == 'b' else 'complex numbers'}, not a pressure in Pa"
+        if not np.isfinite(result).all():
+            worst = int(np.argmin(np.isfinite(result)))
+            return (
+                f"yields {result[worst]} at x = {x[worst]:g}, y = {y[worst]:g}, z = {z[worst]:g} m and strain {values['strain']:g}; "
+                "it must be finite everywhere in the box"
+            )
+    return None
+
+
+def _intervals(run: RunCase) -> Iterator[Problem]:
+    steps, flow, output = run.loading_steps, run.flow.interval_steps, run.output
+    if output.history_interval_steps > steps:
+        yield "output.history_interval_steps", f"loading takes {steps} steps, so nothing would be written; lower it"
+    if output.snapshots > steps:
+        yield "output.snapshots", f"loading takes {steps} steps, so there cannot be more snapshots; lower it"
+    if not run.needs_mesh:
+        return
+    if flow > steps:
+        yield "flow.interval_steps", f"loading takes {steps} steps, so the forces would never change; lower it"
+    for key, interval in (
+        ("output.history_interval_steps", output.history_interval_steps),
+        ("output.checkpoint_every_steps", output.checkpoint_every_steps),
+    ):
+        if interval % flow:
+            nearest = max(1, round(interval / flow)) * flow
+            yield key, f"must be a multiple of flow.interval_steps, {flow}, so that it falls on an update of the pore forces; {nearest} is the nearest"
