@@ -40,11 +40,7 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> CaseFile:
     entries = table.pop("run", [{"name": "run"}])
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{origin.of('run')}: runs are written as tables in double brackets, [[run]], each with a name.")
-    command_line: dict[str, Any] = {}
-    for override in overrides:
-        key, value = _parse_override(override)
-        _insert(command_line, key, value, override)
-        origin.command_line.add(key)
+    command_line = _command_line(overrides, origin)
     table = _merged(table, command_line)
     seeds = _sweep_seeds(table.pop("sweep", {}), origin)
     command_line.pop("sweep", None)
@@ -74,9 +70,10 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> CaseFile:
     return CaseFile(stem=path.stem, runs=tuple(runs))
 
 
-def run_case_from_dict(resolved: Mapping[str, Any], source: str) -> RunCase:
-    """The run that `RunCase.to_dict` wrote down; `source` names the file in messages."""
+def run_case_from_dict(resolved: Mapping[str, Any], source: str, overrides: Iterable[str] = ()) -> RunCase:
+    """The run that `RunCase.to_dict` wrote down, with `key=value` overrides; `source` names the file in messages."""
     origin = _Origin(source, {})
+    resolved = _merged(resolved, _command_line(overrides, origin))
     try:
         names = [resolved[key] for key in ("case", "run", "group")]
     except KeyError as error:
@@ -145,6 +142,16 @@ def _key_lines(text: str) -> dict[tuple[int | None, str], int]:
             dotted = re.sub(r"""[\s"']""", "", key[1])
             lines.setdefault((run, f"{prefix}.{dotted}" if prefix else dotted), number)
     return lines
+
+
+def _command_line(overrides: Iterable[str], origin: _Origin) -> dict[str, Any]:
+    """The overrides as tables."""
+    table: dict[str, Any] = {}
+    for override in overrides:
+        key, value = _parse_override(override)
+        _insert(table, key, value, override)
+        origin.command_line.add(key)
+    return table
 
 
 def _parse_override(override: str) -> tuple[str, Any]:
