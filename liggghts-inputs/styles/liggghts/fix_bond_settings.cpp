@@ -1,0 +1,210 @@
+#include <mpi.h>
+
+#include "fix_bond_settings.h"
+
+#include <algorithm>
+#include <cstring>
+#include <unordered_map>
+
+#include "arguments.h"
+#include "atom.h"
+#include "bond_history.h"
+#include "comm.h"
+#include "contacts.h"
+#include "fix_contact_history.h"
+#include "force.h"
+#include "modify.h"
+#include "pair_gran_proxy.h"
+
+namespace poreslip {
+
+namespace {
+
+bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
+bool not_negative_or_infinite(double value) { return value >= 0.0; }
+
+}  // namespace
+
+FixBondSettings::FixBondSettings(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) :
+    Fix(lmp, narg, arg), state_(state_of(lmp))
+{
+  Arguments arguments(lmp, std::string("fix ") + id + " bond/settings", narg, arg, 3);
+  settings_.group_bit = groupbit;
+  settings_.types = atom->ntypes;
+  settings_.bondable.assign((atom->ntypes + 1) * (atom->ntypes + 1), 0);
+  bool has_mean = false, has_deviation = false, has_floor = false, has_seed = false, has_types = false, has_armed = false;
+  while (!arguments.done()) {
+    const std::string keyword = arguments.word("keyword", "");
+    if (keyword == "strength_mean") {
+      settings_.strength.mean = arguments.number(keyword, not_negative_or_infinite, "0 or more (Pa), or infinite");
+      has_mean = true;
+    } else if (keyword == "strength_sd") {
+      settings_.strength.standard_deviation = arguments.number(keyword, not_negative, "0 or more (Pa)");
+      has_deviation = true;
+    } else if (keyword == "strength_floor") {
+      settings_.strength.floor = arguments.number(keyword, not_negative, "0 or more (Pa)");
+      has_floor = true;
+    } else if (keyword == "shear_ratio") {
+      settings_.shear_ratio = arguments.number(keyword, not_negative_or_infinite, "0 or more, or infinite");
+    } else if (keyword == "seed") {
+      const double seed = arguments.number(
+          keyword, [](double s) { return s >= 0.0 && s < 9007199254740992.0 && s == std::floor(s); }, "a whole number from 0");
+      settings_.strength.seed = static_cast<std::uint64_t>(seed);
+      has_seed = true;
+    } else if (keyword == "gap") {
+      settings_.gap = arguments.number(keyword, not_negative, "0 or more (m)");
+    } else if (keyword == "types") {
+      read_types(arguments);
+      has_types = true;
+    } else if (keyword == "armed") {
+      settings_.armed = arguments.yes_or_no(keyword);
+      has_armed = true;
+    } else {
+      arguments.refuse("keyword", keyword,
+                       "strength_mean, strength_sd, strength_floor, shear_ratio, seed, gap, types, armed");
+    }
+  }
+  if (!has_armed) arguments.refuse("armed", "missing", "yes, no");
+  if (settings_.armed) {
+    if (!has_mean) arguments.refuse("strength_mean", "missing", "0 or more (Pa), or infinite");
+    if (!has_deviation) arguments.refuse("strength_sd", "missing", "0 or more (Pa)");
+    if (!has_seed) arguments.refuse("seed", "missing", "a whole number from 0");
+    if (!has_types) arguments.refuse("types", "missing", "pairs of atom types, such as 1 1 3 3");
+  }
+  if (!has_floor && std::isfinite(settings_.strength.mean)) settings_.strength.floor = 0.1 * settings_.strength.mean;
+  if (settings_.strength.floor > settings_.strength.mean)
+    arguments.refuse("strength_floor", std::to_string(settings_.strength.floor), "0 to strength_mean (Pa)");
+  state_.arming = settings_;
+
+  restart_global = 1;
+  scalar_flag = 1;
+  vector_flag = 1;
+  size_vector = 5;
+  global_freq = 1;
+  extscalar = 1;
+  extvector = 1;
+}
+
+FixBondSettings::~FixBondSettings() { state_.arming = Arming{}; }
+
+void FixBondSettings::read_types(Arguments &arguments)
+{
+  const std::string allowed = "pairs of atom types from 1 to " + std::to_string(atom->ntypes) + ", such as 1 1 3 3";
+  const auto is_type = [this](double t) { return t >= 1.0 && t <= atom->ntypes && t == std::floor(t); };
+  do {
+    const int i = static_cast<int>(arguments.number("types", is_type, allowed));
+    const int j = static_cast<int>(arguments.number("types", is_type, allowed));
+    settings_.bondable[i * (settings_.types + 1) + j] = 1;
+    settings_.bondable[j * (settings_.types + 1) + i] = 1;
+  } while (arguments.number_follows());
+}
+
+int FixBondSettings::modify_param(int narg, char **arg)
+{
+  if (std::strcmp(arg[0], "armed") != 0) return 0;
+  Arguments arguments(lmp, "fix_modify " + std::string(id), narg, arg, 1);
+  const bool armed = arguments.yes_or_no("armed");
+  if (armed && std::find(settings_.bondable.begin(), settings_.bondable.end(), 1) == settings_.bondable.end())
+    arguments.fail("armed is yes, but the fix was defined without types and strengths; define it again with them");
+  settings_.armed = armed;
+  state_.arming = settings_;
+  return arguments.position();
+}
+
+int FixBondSettings::setmask() { return LAMMPS_NS::FixConst::PRE_NEIGHBOR; }
+
+void FixBondSettings::init()
+{
+  const std::string command = std::string("fix ") + id + " bond/settings";
+  if (modify->n_fixes_style_strict(style) > 1) error->all(FLERR, (command + ": there is another fix bond/settings").c_str());
+  auto *pair = dynamic_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
+  if (pair == nullptr || pair->get_history_offset("bond") < 0)
+    error->all(FLERR, (command + ": needs 'pair_style gran model hooke/stiffness tangential bond'").c_str());
+}
+
+// Neighbour lists are about to be built: the contact histories stand in the per-grain partner lists.
+void FixBondSettings::pre_neighbor() { share_broken_pairs(); }
+
+void FixBondSettings::share_broken_pairs()
+{
+  static_assert(sizeof(BrokenPair) == 2 * sizeof(std::uint64_t));
+  const int mine = 2 * static_cast<int>(state_.newly_broken.size());
+  std::vector<int> counts(comm->nprocs), starts(comm->nprocs, 0);
+  MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, world);
+  for (int r = 1; r < comm->nprocs; ++r) starts[r] = starts[r - 1] + counts[r - 1];
+  const int total = starts.back() + counts.back();
+  if (total == 0) return;
+  std::vector<BrokenPair> all(total / 2);
+  MPI_Allgatherv(state_.newly_broken.data(), mine, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
+                 MPI_UINT64_T, world);
+  state_.newly_broken.clear();
+  for (const BrokenPair &pair : all) state_.broken_pairs.insert(pair.key);
+  align_copies(all);
+}
+
+// A contact across a periodic face is kept twice, with positions that differ in the last bit, so that
+// one copy of a bond could break a step before the other. After this, both are broken.
+void FixBondSettings::align_copies(const std::vector<BrokenPair> &broken)
+{
+  auto *pair = static_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
+  LAMMPS_NS::FixContactHistory *histories = pair->get_fix_history();
+  const int offset = pair->get_history_offset("bond");
+  std::unordered_map<std::uint64_t, std::uint64_t> state_after;
+  for (const BrokenPair &b : broken) state_after[b.key] = b.state;
+  for (int i = 0; i < atom->nlocal; ++i) {
+    for (int n = 0; n < histories->n_partner(i); ++n) {
+      double *const history = histories->contacthistory(i, n) + offset;
+      if (!is_bonded(history)) continue;
+      const auto found = state_after.find(pair_key(atom->tag[i], histories->partner(i, n)));
+      if (found != state_after.end()) set_bond_state(history, static_cast<laws::BondState>(found->second));
+    }
+  }
+}
+
+double FixBondSettings::compute_scalar()
+{
+  const double mine = static_cast<double>(count_intact_bonds(lmp));
+  double total = 0.0;
+  MPI_Allreduce(&mine, &total, 1, MPI_DOUBLE, MPI_SUM, world);
+  return total;
+}
+
+double FixBondSettings::compute_vector(int column)
+{
+  if (column == 0) return compute_scalar();
+  const BondCounts &c = state_.counts;
+  const double mine[4] = {c.formed, c.at_floor, c.broken_in_tension, c.broken_in_shear};
+  double total = 0.0;
+  MPI_Allreduce(&mine[column - 1], &total, 1, MPI_DOUBLE, MPI_SUM, world);
+  return total;
+}
+
+void FixBondSettings::write_restart(FILE *file)
+{
+  double totals[4];
+  for (int column = 1; column <= 4; ++column) totals[column - 1] = compute_vector(column);
+  share_broken_pairs();
+  if (comm->me != 0) return;
+  const std::vector<std::uint64_t> keys(state_.broken_pairs.begin(), state_.broken_pairs.end());
+  const std::uint64_t number = keys.size();
+  const int bytes = static_cast<int>(sizeof totals + (1 + keys.size()) * sizeof(std::uint64_t));
+  fwrite(&bytes, sizeof bytes, 1, file);
+  fwrite(totals, sizeof totals, 1, file);
+  fwrite(&number, sizeof number, 1, file);
+  fwrite(keys.data(), sizeof(std::uint64_t), keys.size(), file);
+}
+
+// Counts are sums over ranks: the first rank takes them all.
+void FixBondSettings::restart(char *data)
+{
+  double totals[4];
+  std::uint64_t number = 0;
+  std::memcpy(totals, data, sizeof totals);
+  std::memcpy(&number, data + sizeof totals, sizeof number);
+  std::vector<std::uint64_t> keys(number);
+  std::memcpy(keys.data(), data + sizeof totals + sizeof number, number * sizeof(std::uint64_t));
+  state_.counts = comm->me == 0 ? BondCounts{totals[0], totals[1], totals[2], totals[3]} : BondCounts{};
+  state_.broken_pairs = {keys.begin(), keys.end()};
+}
+
+}  // namespace poreslip
