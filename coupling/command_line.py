@@ -142,9 +142,10 @@ def _restarted(chosen: argparse.Namespace, overrides: list[str]) -> tuple[Any, A
         raise InputError(f"--restart {directory}: there is no case.json in it; {hint}.")
     try:
         resolved = json.loads(source.read_text(encoding="utf-8"))
-        assert isinstance(resolved, dict)
-    except (OSError, ValueError, AssertionError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{source} cannot be read as the case of a run ({error}); start the run anew from its case file.") from None
+    if not isinstance(resolved, dict):
+        raise InputError(f"{source} holds no table of inputs, so it is not the case of a run; start the run anew from its case file.")
     run = run_case_from_dict(resolved, str(source), overrides)
     options = RunOptions(output_root=directory.parent.parent, dry_run=chosen.dry_run, restart=directory)
     return CaseFile(stem=run.case, runs=(run,)), options
