@@ -5,10 +5,13 @@ from __future__ import annotations
 import ast
 import dataclasses
 import math
-from collections.abc import Iterator
+import operator
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from coupling.case_schema import EXPRESSION_NAMES, SECTIONS, RunCase
+from coupling.native import REPOSITORY
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
@@ -19,7 +22,7 @@ def problems(run: RunCase) -> Iterator[Problem]:
     out_of_range = list(_ranges(run))
     yield from out_of_range
     if not out_of_range:
-        for check in (_geometry, _loading, _pressure, _intervals):
+        for check in (_geometry, _loading, _pressure, _intervals, _deck_variables):
             yield from check(run)
 
 
@@ -33,17 +36,11 @@ def _ranges(run: RunCase) -> Iterator[Problem]:
                 yield f"{section}.{field.name}", f"allowed is {allowed_text(field)}"
 
 
-def _within(value: Any, limits: Any) -> bool:
+def _within(value: Any, limits: Mapping[str, Any]) -> bool:
     if "choices" in limits:
         return value in limits["choices"]
-    return (
-        value > limits.get("above", -math.inf)
-        and value >= limits.get("at_least", -math.inf)
-        and value < limits.get("below", math.inf)
-        and value <= limits.get("at_most", math.inf)
-        if limits
-        else True
-    )
+    compare = {"above": operator.gt, "at_least": operator.ge, "below": operator.lt, "at_most": operator.le}
+    return all(compare[name](value, limit) for name, limit in limits.items())
 
 
 def allowed_text(field: dataclasses.Field) -> str:
@@ -205,3 +202,25 @@ def _intervals(run: RunCase) -> Iterator[Problem]:
         if interval % flow:
             nearest = max(1, round(interval / flow)) * flow
             yield key, f"must be a multiple of flow.interval_steps, {flow}, so that it falls on an update of the pore forces; {nearest} is the nearest"
+
+
+def _deck_variables(run: RunCase) -> Iterator[Problem]:
+    load_deck = "in.load_supplement" if run.scene == "supplement" else "in.load"
+    for section, deck in (("pack", "in.pack"), ("loading", load_deck)):
+        if given := getattr(run, section).deck_variables:
+            known = _variables_of_deck(deck)
+            if unknown := sorted(set(given) - known):
+                yield (
+                    f"{section}.deck_variables",
+                    f"the deck liggghts-inputs/{deck} has no line `variable {unknown[0]} index`, so the value would have no effect; its variables: "
+                    + ", ".join(sorted(known)),
+                )
+
+
+def _variables_of_deck(deck: str) -> set[str]:
+    """Names of the `variable ... index` lines of a deck and of the files that it includes by their full names."""
+    directory = REPOSITORY / "liggghts-inputs"
+    text = (directory / deck).read_text(encoding="utf-8")
+    included = re.findall(r"^include\s+\$\{inputs\}/([\w.]+)\s", text, flags=re.MULTILINE)
+    texts = [text, *((directory / name).read_text(encoding="utf-8") for name in included)]
+    return {name for one in texts for name in re.findall(r"^variable\s+(\w+)\s+index\b", one, flags=re.MULTILINE)}

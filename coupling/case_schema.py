@@ -46,6 +46,8 @@ class Pack:
     density_kg_m3: float = allowed(2650.0, above=0.0, at_most=1e9)
     # Isotropic stress that the pack is compacted to: the vertical stress of Table I.
     confining_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
+    # Coefficient of friction while the pack is made: without it the pack becomes as dense as it gets; more leaves it looser.
+    friction: float = allowed(0.0, at_least=0.0, at_most=10.0)
     # Values for the `variable ... index` lines of liggghts-inputs/in.pack, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})
 
@@ -125,7 +127,7 @@ class Loading:
     stop_vertical_strain: float = allowed(0.02, above=0.0, below=1.0)
     # Time step over 0.63 sqrt(m_min / k_n), the limit of a dense pack.
     time_step_fraction: float = allowed(0.3, above=0.0, at_most=1.0)
-    # Values for the `variable ... index` lines of liggghts-inputs/in.fault, which holds their defaults.
+    # Values for the `variable ... index` lines of liggghts-inputs/in.load, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})
 
 
@@ -270,6 +272,11 @@ class RunCase:
     @property
     def time_step_s(self) -> float:
         return self.loading.time_step_fraction * self.critical_time_step_s
+
+    @property
+    def initial_stress_Pa(self) -> float:
+        """Stress on the walls before loading, isotropic in the plane of the fault's normal."""
+        return self.supplement.normal_stress_Pa if self.scene == "supplement" else self.loading.vertical_stress_Pa
 
     @property
     def loading_time_s(self) -> float:

@@ -43,6 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _dispatch(arguments)
     except PoreslipError as error:
         return _end_together(str(error), error.exit_status)
+    except OSError as error:
+        return _end_together(f"{error}. Check that the path exists, may be written, and that the disk has room.", InputError.exit_status)
+    except KeyboardInterrupt:
+        return 130
     except Exception:
         # A defect, or a failure of one rank alone: the others may be waiting for this one, so end them too.
         traceback.print_exc()

@@ -77,20 +77,20 @@ def test_a_run_overrides_the_file_and_the_command_line_overrides_both(tmp_path: 
         """
         [pack]
         seed = 5
-        deck_variables = { cycles = 3 }
+        deck_variables = { relax_steps = 3 }
         [[run]]
         name = "loose"
         pack.porosity = 0.4
         [[run]]
         name = "dense"
         pack.porosity = 0.36
-        pack.deck_variables.growth = "slow"
+        pack.deck_variables.skin = "1e-4"
         """,
     )
     runs = load_case(path, ["pack.seed=9", "bonds.enabled=false"]).runs
     assert [(run.name, run.pack.seed, run.pack.porosity, run.bonds.enabled) for run in runs] == [("loose", 9, 0.4, False), ("dense", 9, 0.36, False)]
-    assert runs[0].pack.deck_variables == {"cycles": 3}
-    assert runs[1].pack.deck_variables == {"cycles": 3, "growth": "slow"}
+    assert runs[0].pack.deck_variables == {"relax_steps": 3}
+    assert runs[1].pack.deck_variables == {"relax_steps": 3, "skin": "1e-4"}
     assert load_case(path, ["pack.porosity=0.38"]).runs[1].pack.porosity == 0.38
 
 

@@ -142,6 +142,16 @@ def test_a_failed_computation_has_its_own_status(case: Path, driver: list[tuple]
     assert capsys.readouterr().err == "poreslip: step 120: grain 7 left the box\n"
 
 
+def test_a_full_disk_is_told_without_a_traceback(case: Path, driver: list[tuple], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def fail(case_file: object, options: object) -> None:
+        raise OSError(28, "No space left on device", "out/fault/case1/history.csv")
+
+    monkeypatch.setattr(sys.modules["coupling.driver"], "run_case_file", fail)
+    assert main(["run", str(case)]) == 2
+    message = capsys.readouterr().err
+    assert "No space left on device: 'out/fault/case1/history.csv'" in message and message.count("\n") == 1
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize("arguments", [["run", "absent.toml"], ["rum"], ["run", "fault.toml", "--set", "pack.seed=0"]], ids=" ".join)
 def test_bad_input_on_two_ranks(poreslip: Callable, case: Path, arguments: list[str]) -> None:
