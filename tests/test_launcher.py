@@ -73,11 +73,14 @@ def test_set_up_is_done_once_and_followed_by_rebuilds(stand_in: Path, tmp_path: 
     assert fourth.returncode == 0
     assert str(moved) in fourth.stdout and "was made for another directory" in fourth.stderr
 
-    (moved / "CMakeLists.txt").write_text('message(FATAL_ERROR "no compiler at all")')
+    (moved / "CMakeLists.txt").write_text('project(stand_in NONE)\nmessage(FATAL_ERROR "no compiler at all")')
     shutil.rmtree(moved / "build")
     failed = launch(moved / "poreslip", "info", cwd=elsewhere)
     assert failed.returncode == 1
     assert "no compiler at all" in failed.stderr and "could not configure the build" in failed.stderr
+    (moved / "CMakeLists.txt").write_text(CMAKE)
+    assert launch(moved / "poreslip", "info", cwd=elsewhere).returncode == 0
+    assert (moved / "build" / "product").read_text() == "second"
 
 
 def test_two_that_start_together_set_up_once(stand_in: Path) -> None:
