@@ -26,7 +26,8 @@ def allowed(
     limits = {"above": above, "at_least": at_least, "below": below, "at_most": at_most, "choices": choices}
     limits = {name: limit for name, limit in limits.items() if limit not in (None, ())}
     if isinstance(default, dict):
-        return field(default_factory=lambda: dict(default), metadata=limits)
+        # A dict has no hash; two runs that differ in it alone share one, which is allowed.
+        return field(default_factory=lambda: dict(default), hash=False, metadata=limits)
     return field(default=default, metadata=limits)
 
 

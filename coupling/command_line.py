@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception:
         # A defect, or a failure of one rank alone: the others may be waiting for this one, so end them too.
         traceback.print_exc()
-        if _mpi_runs():
+        if _size() > 1 and _mpi_runs():
             from mpi4py import MPI
 
             MPI.COMM_WORLD.Abort(1)

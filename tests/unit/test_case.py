@@ -105,6 +105,12 @@ def test_a_sweep_multiplies_runs_and_changes_the_pack_alone(tmp_path: Path) -> N
     assert [run.name for run in load_case(path, ["sweep.seeds=[7]"]).runs] == ["a-seed7", "b-seed7"]
 
 
+def test_runs_can_be_told_apart_by_their_inputs(tmp_path: Path) -> None:
+    path = written(tmp_path, "[pack.deck_variables]\nrelax_steps = 7\n")
+    one, again, other = (load_case(path, overrides).runs[0] for overrides in ([], [], ["pack.deck_variables.relax_steps=8"]))
+    assert len({one, again, other}) == 2
+
+
 def test_whole_numbers_are_taken_for_lengths_and_stresses(tmp_path: Path) -> None:
     (run,) = load_case(written(tmp_path, "[loading]\nvertical_stress_Pa = 10_000_000\n")).runs
     assert isinstance(run.loading.vertical_stress_Pa, float)
