@@ -11,6 +11,13 @@
 
 namespace poreslip {
 
+inline std::string text_of(double value)
+{
+  char text[32];
+  snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
 class Arguments {
  public:
   // command: what the messages begin with, such as "fix top wall/plane".

@@ -36,13 +36,14 @@ void for_each_pair(LAMMPS_NS::LAMMPS *lmp, PairGranProxy *pair, Visitor visit)
   const LAMMPS_NS::Atom *atom = lmp->atom;
   const LAMMPS_NS::NeighList *list = pair->list;
   const int stride = pair->dnum();
+  const bool on_both_ranks = !lmp->force->newton_pair;
   for (int n = 0; n < list->inum; ++n) {
     const int i = list->ilist[n];
     const int *neighbours = list->firstneigh[i];
     double *histories = pair->listgranhistory->firstdouble[i];
     for (int m = 0; m < list->numneigh[i]; ++m) {
       const int j = neighbours[m] & NEIGHMASK;
-      if (j >= atom->nlocal && atom->tag[i] > atom->tag[j]) continue;
+      if (on_both_ranks && j >= atom->nlocal && atom->tag[i] > atom->tag[j]) continue;
       visit(i, j, histories + stride * m);
     }
   }

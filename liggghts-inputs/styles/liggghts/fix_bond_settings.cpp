@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
-#include <unordered_map>
+#include <vector>
 
 #include "arguments.h"
 #include "atom.h"
@@ -73,7 +73,7 @@ FixBondSettings::FixBondSettings(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) :
   }
   if (!has_floor && std::isfinite(settings_.strength.mean)) settings_.strength.floor = 0.1 * settings_.strength.mean;
   if (settings_.strength.floor > settings_.strength.mean)
-    arguments.refuse("strength_floor", std::to_string(settings_.strength.floor), "0 to strength_mean (Pa)");
+    arguments.refuse("strength_floor", text_of(settings_.strength.floor), "0 to strength_mean (Pa)");
   state_.arming = settings_;
 
   restart_global = 1;
@@ -81,8 +81,8 @@ FixBondSettings::FixBondSettings(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) :
   vector_flag = 1;
   size_vector = 5;
   global_freq = 1;
-  extscalar = 1;
-  extvector = 1;
+  extscalar = 0;
+  extvector = 0;
 }
 
 FixBondSettings::~FixBondSettings() { state_.arming = Arming{}; }
@@ -120,10 +120,28 @@ void FixBondSettings::init()
   auto *pair = dynamic_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
   if (pair == nullptr || pair->get_history_offset("bond") < 0)
     error->all(FLERR, (command + ": needs 'pair_style gran model hooke/stiffness tangential bond'").c_str());
+  check_gap();
+}
+
+// A gap beyond the reach of the neighbour list would leave out pairs without a word.
+void FixBondSettings::check_gap() const
+{
+  double smallest = HUGE_VAL, radius = 0.0;
+  for (int i = 0; i < atom->nlocal; ++i) smallest = std::min(smallest, atom->radius[i]);
+  MPI_Allreduce(&smallest, &radius, 1, MPI_DOUBLE, MPI_MIN, world);
+  const double reach = 2.0 * radius * state_.stretch_max;
+  if (settings_.armed && settings_.gap > reach)
+    error->all(FLERR, (std::string("fix ") + id + " bond/settings: gap is " + text_of(settings_.gap) +
+                       ", allowed: 0 to " + text_of(reach) + " (m), the stretch_max " +
+                       text_of(state_.stretch_max) + " of pair_style times the smallest grain's diameter").c_str());
 }
 
 // Neighbour lists are about to be built: the contact histories stand in the per-grain partner lists.
-void FixBondSettings::pre_neighbor() { share_broken_pairs(); }
+void FixBondSettings::pre_neighbor()
+{
+  share_broken_pairs();
+  align_copies();
+}
 
 void FixBondSettings::share_broken_pairs()
 {
@@ -138,35 +156,35 @@ void FixBondSettings::share_broken_pairs()
   MPI_Allgatherv(state_.newly_broken.data(), mine, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
                  MPI_UINT64_T, world);
   state_.newly_broken.clear();
-  for (const BrokenPair &pair : all) state_.broken_pairs.insert(pair.key);
-  align_copies(all);
+  for (const BrokenPair &pair : all) state_.broken_pairs.emplace(pair.key, pair.state);
 }
 
 // A contact across a periodic face is kept twice, with positions that differ in the last bit, so that
 // one copy of a bond could break a step before the other. After this, both are broken.
-void FixBondSettings::align_copies(const std::vector<BrokenPair> &broken)
+void FixBondSettings::align_copies()
 {
+  if (state_.broken_pairs.empty()) return;
   auto *pair = static_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
   LAMMPS_NS::FixContactHistory *histories = pair->get_fix_history();
   const int offset = pair->get_history_offset("bond");
-  std::unordered_map<std::uint64_t, std::uint64_t> state_after;
-  for (const BrokenPair &b : broken) state_after[b.key] = b.state;
   for (int i = 0; i < atom->nlocal; ++i) {
     for (int n = 0; n < histories->n_partner(i); ++n) {
       double *const history = histories->contacthistory(i, n) + offset;
       if (!is_bonded(history)) continue;
-      const auto found = state_after.find(pair_key(atom->tag[i], histories->partner(i, n)));
-      if (found != state_after.end()) set_bond_state(history, static_cast<laws::BondState>(found->second));
+      const auto found = state_.broken_pairs.find(pair_key(atom->tag[i], histories->partner(i, n)));
+      if (found != state_.broken_pairs.end()) set_bond_state(history, static_cast<laws::BondState>(found->second));
     }
   }
 }
 
+// -1 as long as there is no neighbour list.
 double FixBondSettings::compute_scalar()
 {
-  const double mine = static_cast<double>(count_intact_bonds(lmp));
-  double total = 0.0;
-  MPI_Allreduce(&mine, &total, 1, MPI_DOUBLE, MPI_SUM, world);
-  return total;
+  const long here = count_intact_bonds(lmp);
+  const double mine[2] = {static_cast<double>(here), here < 0 ? 1.0 : 0.0};
+  double total[2];
+  MPI_Allreduce(mine, total, 2, MPI_DOUBLE, MPI_SUM, world);
+  return total[1] > 0.0 ? -1.0 : total[0];
 }
 
 double FixBondSettings::compute_vector(int column)
@@ -185,13 +203,14 @@ void FixBondSettings::write_restart(FILE *file)
   for (int column = 1; column <= 4; ++column) totals[column - 1] = compute_vector(column);
   share_broken_pairs();
   if (comm->me != 0) return;
-  const std::vector<std::uint64_t> keys(state_.broken_pairs.begin(), state_.broken_pairs.end());
-  const std::uint64_t number = keys.size();
-  const int bytes = static_cast<int>(sizeof totals + (1 + keys.size()) * sizeof(std::uint64_t));
+  std::vector<BrokenPair> broken;
+  for (const auto &[key, state] : state_.broken_pairs) broken.push_back({key, state});
+  const std::uint64_t number = broken.size();
+  const int bytes = static_cast<int>(sizeof totals + sizeof number + number * sizeof(BrokenPair));
   fwrite(&bytes, sizeof bytes, 1, file);
   fwrite(totals, sizeof totals, 1, file);
   fwrite(&number, sizeof number, 1, file);
-  fwrite(keys.data(), sizeof(std::uint64_t), keys.size(), file);
+  fwrite(broken.data(), sizeof(BrokenPair), number, file);
 }
 
 // Counts are sums over ranks: the first rank takes them all.
@@ -201,10 +220,11 @@ void FixBondSettings::restart(char *data)
   std::uint64_t number = 0;
   std::memcpy(totals, data, sizeof totals);
   std::memcpy(&number, data + sizeof totals, sizeof number);
-  std::vector<std::uint64_t> keys(number);
-  std::memcpy(keys.data(), data + sizeof totals + sizeof number, number * sizeof(std::uint64_t));
+  std::vector<BrokenPair> broken(number);
+  std::memcpy(broken.data(), data + sizeof totals + sizeof number, number * sizeof(BrokenPair));
   state_.counts = comm->me == 0 ? BondCounts{totals[0], totals[1], totals[2], totals[3]} : BondCounts{};
-  state_.broken_pairs = {keys.begin(), keys.end()};
+  state_.broken_pairs.clear();
+  for (const BrokenPair &pair : broken) state_.broken_pairs.emplace(pair.key, pair.state);
 }
 
 }  // namespace poreslip

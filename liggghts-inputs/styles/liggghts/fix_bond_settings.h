@@ -2,8 +2,6 @@
 //   [gap G] types I J [K L ...] armed yes|no
 #pragma once
 
-#include <vector>
-
 #include "fix.h"
 #include "instance_state.h"
 
@@ -27,7 +25,8 @@ class FixBondSettings : public LAMMPS_NS::Fix {
  private:
   void read_types(class Arguments &arguments);
   void share_broken_pairs();
-  void align_copies(const std::vector<BrokenPair> &broken);
+  void align_copies();
+  void check_gap() const;
 
   InstanceState &state_;
   Arming settings_;

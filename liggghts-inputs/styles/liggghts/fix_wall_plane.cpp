@@ -44,7 +44,7 @@ FixWallPlane::FixWallPlane(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) : Fix(l
         inward_ = n[c];
       }
       if (axes != 1 || std::fabs(inward_) != 1.0)
-        arguments.refuse("normal", std::to_string(n[0]) + " " + std::to_string(n[1]) + " " + std::to_string(n[2]), allowed);
+        arguments.refuse("normal", text_of(n[0]) + " " + text_of(n[1]) + " " + text_of(n[2]), allowed);
       has_normal = true;
     } else if (keyword == "position") {
       state_[position] = arguments.number(keyword, finite, "a number (m)");
@@ -110,7 +110,7 @@ void FixWallPlane::read_servo(Arguments &arguments)
     } else if (keyword == "area") {
       area_ = read_quantity(arguments, "servo area");
       if (area_.variable.empty() && !positive(area_.number))
-        arguments.refuse("servo area", std::to_string(area_.number), "above 0 (m2)");
+        arguments.refuse("servo area", text_of(area_.number), "above 0 (m2)");
       has_area = true;
     } else if (keyword == "gain") {
       gain_ = arguments.number("servo gain", [](double g) { return g > 0.0 && g <= 1.0; }, "above 0 to 1");
@@ -179,7 +179,7 @@ void FixWallPlane::initial_integrate(int)
     const double target = value_of(stress_, "stress") * area;
     modify->addstep_compute(update->ntimestep + 1);
     if (!positive(area))
-      error->all(FLERR, (command() + ": servo area is " + std::to_string(area) + ", allowed: above 0 (m2)").c_str());
+      error->all(FLERR, (command() + ": servo area is " + text_of(area) + ", allowed: above 0 (m2)").c_str());
     const auto speed = laws::servo_speed(gain_, target, state_[contact_force] + state_[fluid_force], stiffness_,
                                          state_[contacts], update->dt, speed_limit_);
     state_[velocity] = inward_ * speed.into_grains;
@@ -232,6 +232,10 @@ void FixWallPlane::restart(char *data)
   const double commanded = state_[velocity];
   std::memcpy(state_, data, sizeof state_);
   if (!servo_) state_[velocity] = commanded;
+  char text[160];
+  snprintf(text, sizeof text, "%s: position %.9g m taken from the restart file (reset yes keeps the command's)",
+           command().c_str(), state_[position]);
+  error->message(FLERR, text);
 }
 
 }  // namespace poreslip

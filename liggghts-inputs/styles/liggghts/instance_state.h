@@ -3,7 +3,7 @@
 
 #include <array>
 #include <cstdint>
-#include <unordered_set>
+#include <unordered_map>
 #include <vector>
 
 #include "../laws/bond_strength.h"
@@ -46,10 +46,11 @@ struct BrokenPair {
 
 struct InstanceState {
   Arming arming;
+  double stretch_max = 0.0;  // of the pair style
   BondCounts counts;
   std::vector<BreakRow> breaks;
-  std::unordered_set<std::uint64_t> broken_pairs;  // never bonded again; known to all ranks
-  std::vector<BrokenPair> newly_broken;            // seen on this rank, not yet told to the others
+  std::unordered_map<std::uint64_t, std::uint64_t> broken_pairs;  // key to state, never bonded again; on all ranks
+  std::vector<BrokenPair> newly_broken;                           // seen on this rank, not yet told to the others
 };
 
 // Pair of ids in one word, lower id in the upper half.

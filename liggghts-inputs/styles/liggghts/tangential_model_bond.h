@@ -81,6 +81,7 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
       registry.connect("gammat", shear_damping_, caller);
     }
     if (force->newton_pair) error->all(FLERR, "tangential bond needs 'newton off' in the deck");
+    state_.stretch_max = stretch_max_;
     // Keeps bonded pairs in the neighbour list, with a margin beyond the stretch that is refused.
     neighbor->register_contact_dist_factor(1.0 + 1.05 * stretch_max_);
   }
