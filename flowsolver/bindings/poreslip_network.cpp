@@ -1,0 +1,194 @@
+// Python module poreslip_network: arrays and an MPI communicator in, arrays and a report out. Defaults and checks of types and
+// shapes are in flowsolver/network.py.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <memory>
+#include <optional>
+
+#include "network/pore_network.hpp"
+#include "tessellation/errors.hpp"
+
+namespace nb = nanobind;
+using namespace poreslip;
+
+namespace {
+
+template <class T, class Shape>
+using In = nb::ndarray<const T, Shape, nb::c_contig, nb::device::cpu>;
+template <class T>
+using Out = nb::ndarray<nb::numpy, T>;
+
+// A new array that Python owns.
+template <class T>
+Out<T> new_array(std::initializer_list<std::size_t> shape) {
+  std::size_t size = 1;
+  for (const std::size_t s : shape) size *= s;
+  T* data = new T[size]();
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return Out<T>(data, shape, owner);
+}
+
+Out<double> to_array(const std::vector<double>& values) {
+  auto out = new_array<double>({values.size()});
+  std::copy(values.begin(), values.end(), out.data());
+  return out;
+}
+
+}  // namespace
+
+NB_MODULE(poreslip_network, m) {
+  m.doc() = "Pore network of a grain pack: tessellation, geometry and pressure forces (C++ core; SI units).";
+  nb::exception<InputError>(m, "InputError", PyExc_ValueError);
+  nb::exception<ComputationError>(m, "ComputationError", PyExc_RuntimeError);
+
+  nb::class_<PoreNetwork>(m, "PoreNetwork", "Pore network of a moving grain pack. Methods are collective unless they say local.")
+      .def(
+          "__init__",
+          [](PoreNetwork* self, int communicator, std::array<double, 3> lower, std::array<double, 3> upper,
+             std::array<bool, 3> periodic) {
+            new (self) PoreNetwork(MPI_Comm_f2c(communicator), Domain{lower, upper, periodic});
+          },
+          nb::arg("communicator"), nb::arg("lower"), nb::arg("upper"), nb::arg("periodic"),
+          "communicator: Fortran handle, comm.py2f(); lower, upper: (3,) float64, m; periodic: (3,) bool")
+      .def("agree", &PoreNetwork::agree, nb::arg("message"),
+           "Raise InputError on all ranks if any rank passes a non-empty message.")
+      .def(
+          "update",
+          [](PoreNetwork& self, In<std::int64_t, nb::shape<-1>> id, In<double, nb::shape<-1, 3>> position,
+             In<double, nb::shape<-1>> radius, In<std::int32_t, nb::shape<-1>> group,
+             In<double, nb::shape<-1, 6>> wall_position, bool rebuild) {
+            const GrainInput input{id.shape(0),  id.data(),    position.data(),        radius.data(),
+                                   group.data(), wall_position.shape(0), wall_position.data()};
+            return self.update(input, rebuild) == Outcome::kept ? "kept" : "rebuilt";
+          },
+          nb::arg("id"), nb::arg("position"), nb::arg("radius"), nb::arg("group"), nb::arg("wall_position"),
+          nb::arg("rebuild"),
+          "id (n,) int64; position (n, 3) float64, m; radius (n,) float64, m; group (n,) int32; wall_position (G, 6) float64, "
+          "m, the same on all ranks. Returns \"kept\" or \"rebuilt\", the same on all ranks.")
+      .def_prop_ro("pores", &PoreNetwork::pores, "Number of cells that touch this rank's grains (local).")
+      .def_prop_ro("throats", &PoreNetwork::throats, "Number of facets that touch this rank's grains (local).")
+      .def_prop_ro("grains", &PoreNetwork::grains, "Number of grains of this rank's last update (local).")
+      .def(
+          "owned",
+          [](const PoreNetwork& self) {
+            auto out = new_array<bool>({self.pores()});
+            std::copy_n(self.owned(), self.pores(), out.data());
+            return out;
+          },
+          "(m,) bool, local: cells that this rank owns; over all ranks every cell once.")
+      .def(
+          "pore_centre",
+          [](PoreNetwork& self) {
+            auto out = new_array<double>({self.pores(), 3});
+            self.pore_centre(out.data());
+            return out;
+          },
+          "(m, 3) float64, m, local: centroid of each cell, inside the box along periodic directions.")
+      .def(
+          "cell_volume",
+          [](PoreNetwork& self) {
+            auto out = new_array<double>({self.pores()});
+            self.cell_volume(out.data());
+            return out;
+          },
+          "(m,) float64, m^3, local: volume of each cell.")
+      .def(
+          "pore_volume",
+          [](PoreNetwork& self) {
+            auto out = new_array<double>({self.pores()});
+            self.pore_volume(out.data());
+            return out;
+          },
+          "(m,) float64, m^3, local: void volume of each cell, (4)-(5), before any limiter.")
+      .def(
+          "grains_of_pore",
+          [](const PoreNetwork& self) {
+            auto out = new_array<std::int64_t>({self.pores(), 4});
+            self.grains_of_pore(out.data());
+            return out;
+          },
+          "(m, 4) int64, local: ids of each cell's grains; -1 .. -6: walls x low, x high, y low, y high, z low, z high.")
+      .def(
+          "pores_of_throat",
+          [](const PoreNetwork& self) {
+            auto out = new_array<std::int32_t>({self.throats(), 2});
+            self.pores_of_throat(out.data());
+            return out;
+          },
+          "(f, 2) int32, local: the pores on the left and right of each throat.")
+      .def(
+          "grains_of_throat",
+          [](const PoreNetwork& self) {
+            auto out = new_array<std::int64_t>({self.throats(), 3});
+            self.grains_of_throat(out.data());
+            return out;
+          },
+          "(f, 3) int64, local: ids of each throat's grains, walls as in grains_of_pore.")
+      .def(
+          "owned_throats",
+          [](const PoreNetwork& self) {
+            auto out = new_array<bool>({self.throats()});
+            self.owned_throats(out.data());
+            return out;
+          },
+          "(f,) bool, local: throats that this rank owns; over all ranks every throat once.")
+      .def(
+          "throat_sections",
+          [](PoreNetwork& self) {
+            const ThroatSections s = self.throat_sections();
+            nb::dict out;
+            out["facet_area"] = to_array(s.facet_area);
+            out["open_area"] = to_array(s.open_area);
+            out["perimeter"] = to_array(s.perimeter);
+            out["length"] = to_array(s.length);
+            return out;
+          },
+          "dict of (f,) float64, local: facet_area m^2, open_area m^2 (before any limiter), perimeter m (arcs and gaps), "
+          "length m (between the cells' centroids).")
+      .def(
+          "limited",
+          [](PoreNetwork& self, double open_share, double void_share) {
+            const Limited l = self.limited(open_share, void_share);
+            return std::tuple{l.pores, l.throats};
+          },
+          nb::arg("least_open_share"), nb::arg("least_void_share"),
+          "Numbers of pores and throats, over all ranks, whose void or open area is below a share of the cell or facet.")
+      .def(
+          "forces",
+          [](PoreNetwork& self, In<double, nb::shape<-1>> pressure, const std::string& law) {
+            auto force = new_array<double>({self.grains(), 3});
+            auto wall_force = new_array<double>({self.groups(), 6});
+            self.forces(pressure.data(), law == "total" ? geometry::ForceLaw::total : geometry::ForceLaw::pressure,
+                        force.data(), wall_force.data());
+            return std::tuple{force, wall_force};
+          },
+          nb::arg("pressure"), nb::arg("law"),
+          "pressure (m,) float64, Pa; law \"total\" or \"pressure\". Returns force (n, 3) float64, N, in the order of the last "
+          "update, and wall_force (G, 6) float64, N, outward, summed over ranks.")
+      .def(
+          "report",
+          [](const PoreNetwork& self) {
+            const NetworkReport r = self.report();
+            nb::dict out, seconds;
+            out["grains"] = r.grains;
+            out["pores"] = r.pores;
+            out["throats"] = r.throats;
+            out["hidden_grains"] = r.hidden_grains;
+            out["kept"] = r.kept;
+            out["rebuilt"] = r.rebuilt;
+            out["exact_tests"] = r.exact_tests;
+            out["halo"] = r.halo;
+            seconds["tessellate"] = r.tessellate;
+            seconds["certify"] = r.certify;
+            seconds["geometry"] = r.geometry;
+            seconds["forces"] = r.forces;
+            out["seconds"] = seconds;
+            return out;
+          },
+          "Counts over all ranks; seconds of this rank.");
+}

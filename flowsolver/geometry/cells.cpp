@@ -1,0 +1,264 @@
+#include "geometry/cells.hpp"
+
+#include <numbers>
+
+namespace poreslip::geometry {
+namespace {
+
+Vector3 wall_normal(Vertex v) {
+  Vector3 n{0.0, 0.0, 0.0};
+  n[wall_axis(wall_of(v))] = wall_sign(wall_of(v));
+  return n;
+}
+
+// Direction from grain a to vertex b: to a grain, the difference of centres; to a wall, its outward normal.
+Vector3 direction(const GrainView& grains, Vertex a, Vertex b) {
+  return is_wall(b) ? wall_normal(b) : grains.position(b) - grains.position(a);
+}
+
+// Integral over s in [0, 1] of the product of two gaps that vary linearly along the edge of a wedge.
+double mean_product(double a1, double a2, double b1, double b2) {
+  return (a1 * a2 + b1 * b2) / 3.0 + (a1 * b2 + a2 * b1) / 6.0;
+}
+
+struct Wedge {
+  Vector3 along;   // n1 x n2
+  double length;   // extent of the edge along it, m
+  double a1, a2;   // gaps of the first grain to the two walls, m
+  double b1, b2;   // gaps of the second, m
+};
+
+Wedge wedge(const CellView& cells, const GrainView& grains, std::size_t c) {
+  const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c];
+  const int w1 = wall_of(cells.vertex[2][c]), w2 = wall_of(cells.vertex[3][c]);
+  const Vector3 along = cross(wall_normal(cells.vertex[2][c]), wall_normal(cells.vertex[3][c]));
+  return {along, dot(grains.position(j) - grains.position(i), along),
+          grains.gap(i, w1), grains.gap(i, w2), grains.gap(j, w1), grains.gap(j, w2)};
+}
+
+// Twice the area of a prism's triangle as its wall sees it, m^2.
+double prism_projection(const CellView& cells, const GrainView& grains, std::size_t c) {
+  const Vertex i = cells.vertex[0][c];
+  return dot(cross(direction(grains, i, cells.vertex[1][c]), direction(grains, i, cells.vertex[2][c])),
+             wall_normal(cells.vertex[3][c]));
+}
+
+// Solid angle at the apex of three directions (Van Oosterom & Strackee 1983), by its half's tangent.
+inline double solid_angle(double determinant, double la, double lb, double lc, double ab, double bc, double ca) {
+  return 2.0 * std::atan2(determinant, la * lb * lc + ab * lc + bc * la + ca * lb);
+}
+
+inline double sphere_sector(double radius, double angle) { return angle * radius * radius * radius / 3.0; }
+
+// What the grains take of a cell that has walls, term by term, m^3.
+double solid_in_wall_cell(const CellView& cells, const GrainView& grains, std::size_t c, int grain_count) {
+  Vertex v[4];
+  for (int k = 0; k < 4; ++k) v[k] = cells.vertex[k][c];
+  double solid = 0.0;
+  for (int k = 0; k < grain_count; ++k) {
+    Vector3 d[3];
+    int m = 0;
+    for (int o = 0; o < 4; ++o)
+      if (o != k) d[m++] = direction(grains, v[k], v[o]);
+    const double determinant = std::abs(dot(d[0], cross(d[1], d[2])));
+    solid += sphere_sector(grains.radius[v[k]], solid_angle(determinant, norm(d[0]), norm(d[1]), norm(d[2]),
+                                                            dot(d[0], d[1]), dot(d[1], d[2]), dot(d[2], d[0])));
+    for (int o = k + 1; o < 4; ++o) {
+      const double lens = is_wall(v[o])
+                              ? 0.5 * cap_over_pi(grains.radius[v[k]], grains.gap(v[k], wall_of(v[o])))
+                              : lens_over_two_pi(grains.radius[v[k]], grains.radius[v[o]],
+                                                 norm(direction(grains, v[k], v[o])));
+      if (lens == 0.0) continue;
+      const Vector3 edge = direction(grains, v[k], v[o]);
+      int p = 0;
+      while (p == k || p == o) ++p;
+      int q = p + 1;
+      while (q == k || q == o) ++q;
+      const Vector3 s = cross(edge, direction(grains, v[k], v[p])), t = cross(edge, direction(grains, v[k], v[q]));
+      solid -= lens * std::atan2(norm(cross(s, t)), dot(s, t));
+    }
+  }
+  return solid;
+}
+
+}  // namespace
+
+void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
+  const double *x = grains.x, *y = grains.y, *z = grains.z;
+#pragma omp simd
+  for (std::size_t c = 0; c < cells.end[0]; ++c) {
+    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], k = cells.vertex[2][c], l = cells.vertex[3][c];
+    const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
+    const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
+    const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];
+    volume[c] = (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0;
+  }
+  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
+    const int wall = wall_of(cells.vertex[3][c]);
+    double gaps = 0.0;
+    for (int k = 0; k < 3; ++k) gaps += grains.gap(cells.vertex[k][c], wall);
+    volume[c] = prism_projection(cells, grains, c) * gaps / 6.0;
+  }
+  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
+    const Wedge w = wedge(cells, grains, c);
+    volume[c] = w.length * mean_product(w.a1, w.a2, w.b1, w.b2);
+  }
+  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
+    volume[c] = 1.0;
+    for (int k = 1; k < 4; ++k) volume[c] *= grains.gap(cells.vertex[0][c], wall_of(cells.vertex[k][c]));
+  }
+}
+
+void pore_volumes(const CellView& cells, const GrainView& grains, double* volume) {
+  cell_volumes(cells, grains, volume);
+  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+#pragma omp simd
+  for (std::size_t c = 0; c < cells.end[0]; ++c) {
+    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], k = cells.vertex[2][c], l = cells.vertex[3][c];
+    const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
+    const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
+    const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];
+    const double dx = bx - ax, dy = by - ay, dz = bz - az, ex = cx - ax, ey = cy - ay, ez = cz - az;
+    const double fx = cx - bx, fy = cy - by, fz = cz - bz;
+    // Edges a = ij, b = ik, c = il, d = jk, e = jl, f = kl, all pointing to the later vertex. The triple product is the
+    // same at all four vertices.
+    const double det = std::abs(6.0 * volume[c]);
+    const double aa = ax * ax + ay * ay + az * az, bb = bx * bx + by * by + bz * bz, cc = cx * cx + cy * cy + cz * cz;
+    const double dd = dx * dx + dy * dy + dz * dz, ee = ex * ex + ey * ey + ez * ez, ff = fx * fx + fy * fy + fz * fz;
+    const double ab = ax * bx + ay * by + az * bz, ac = ax * cx + ay * cy + az * cz, bc = bx * cx + by * cy + bz * cz;
+    const double ad = ax * dx + ay * dy + az * dz, ae = ax * ex + ay * ey + az * ez, de = dx * ex + dy * ey + dz * ez;
+    const double bd = bx * dx + by * dy + bz * dz, bf = bx * fx + by * fy + bz * fz, df = dx * fx + dy * fy + dz * fz;
+    const double ce = cx * ex + cy * ey + cz * ez, cf = cx * fx + cy * fy + cz * fz, ef = ex * fx + ey * fy + ez * fz;
+    const double la = std::sqrt(aa), lb = std::sqrt(bb), lc = std::sqrt(cc);
+    const double ld = std::sqrt(dd), le = std::sqrt(ee), lf = std::sqrt(ff);
+    const double sectors = sphere_sector(r[i], solid_angle(det, la, lb, lc, ab, bc, ac)) +
+                           sphere_sector(r[j], solid_angle(det, la, ld, le, -ad, de, -ae)) +
+                           sphere_sector(r[k], solid_angle(det, lb, ld, lf, bd, -df, -bf)) +
+                           sphere_sector(r[l], solid_angle(det, lc, le, lf, ce, ef, cf));
+    // Dihedral angle at an edge e between directions p and q: tangent |e| det / ((e.e)(p.q) - (e.p)(e.q)).
+    const double lenses = lens_over_two_pi(r[i], r[j], la) * std::atan2(la * det, aa * bc - ab * ac) +
+                          lens_over_two_pi(r[i], r[k], lb) * std::atan2(lb * det, bb * ac - ab * bc) +
+                          lens_over_two_pi(r[i], r[l], lc) * std::atan2(lc * det, cc * ab - ac * bc) +
+                          lens_over_two_pi(r[j], r[k], ld) * std::atan2(ld * det, ad * de - dd * ae) +
+                          lens_over_two_pi(r[j], r[l], le) * std::atan2(le * det, ae * de - ee * ad) +
+                          lens_over_two_pi(r[k], r[l], lf) * std::atan2(lf * det, ff * bd - bf * df);
+    const double solid = sectors - lenses;
+    volume[c] -= solid;
+  }
+  for (int walls = 1; walls < 4; ++walls)
+    for (std::size_t c = cells.end[walls - 1]; c < cells.end[walls]; ++c)
+      volume[c] -= solid_in_wall_cell(cells, grains, c, 4 - walls);
+}
+
+void cell_centroids(const CellView& cells, const GrainView& grains, double* centre) {
+  const double *x = grains.x, *y = grains.y, *z = grains.z;
+  for (std::size_t c = 0; c < cells.end[0]; ++c) {
+    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], k = cells.vertex[2][c], l = cells.vertex[3][c];
+    centre[3 * c] = 0.25 * (x[i] + x[j] + x[k] + x[l]);
+    centre[3 * c + 1] = 0.25 * (y[i] + y[j] + y[k] + y[l]);
+    centre[3 * c + 2] = 0.25 * (z[i] + z[j] + z[k] + z[l]);
+  }
+  const auto store = [centre](std::size_t c, const Vector3& p) {
+    for (int d = 0; d < 3; ++d) centre[3 * c + d] = p[d];
+  };
+  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
+    // Columns of linearly varying height over the triangle.
+    const Vertex w = cells.vertex[3][c];
+    double g[3], sum = 0.0, squares = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      g[k] = grains.gap(cells.vertex[k][c], wall_of(w));
+      sum += g[k];
+      squares += g[k] * g[k];
+    }
+    Vector3 p = ((squares + sum * sum) / (8.0 * sum)) * wall_normal(w);
+    for (int k = 0; k < 3; ++k) p = p + ((g[k] + sum) / (4.0 * sum)) * grains.position(cells.vertex[k][c]);
+    store(c, p);
+  }
+  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
+    const Wedge w = wedge(cells, grains, c);
+    const double area = mean_product(w.a1, w.a2, w.b1, w.b2);
+    const double s = ((w.a1 * w.a2 + w.a1 * w.b2 + w.a2 * w.b1) / 12.0 + w.b1 * w.b2 / 4.0) / area;
+    // Integral of g1^2 g2 over the edge.
+    const auto moment = [](double a1, double b1, double a2, double b2) {
+      return (a1 * a1 * a2 + b1 * b1 * b2) / 4.0 +
+             (2.0 * a1 * b1 * a2 + a1 * a1 * b2 + b1 * b1 * a2 + 2.0 * a1 * b1 * b2) / 12.0;
+    };
+    store(c, (1.0 - s) * grains.position(cells.vertex[0][c]) + s * grains.position(cells.vertex[1][c]) +
+                 (0.5 * moment(w.a1, w.b1, w.a2, w.b2) / area) * wall_normal(cells.vertex[2][c]) +
+                 (0.5 * moment(w.a2, w.b2, w.a1, w.b1) / area) * wall_normal(cells.vertex[3][c]));
+  }
+  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
+    const Vertex i = cells.vertex[0][c];
+    Vector3 p = grains.position(i);
+    for (int k = 1; k < 4; ++k)
+      p = p + (0.5 * grains.gap(i, wall_of(cells.vertex[k][c]))) * wall_normal(cells.vertex[k][c]);
+    store(c, p);
+  }
+}
+
+void add_wall_forces(const CellView& cells, const GrainView& grains, const bool* counted, const double* pressure,
+                     double* force) {
+  const auto add = [&](Vertex grain, Vertex wall, double f) { force[6 * grains.group[grain] + wall_of(wall)] += f; };
+  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
+    if (!counted[c]) continue;
+    const double third = pressure[c] * prism_projection(cells, grains, c) / 6.0;
+    for (int k = 0; k < 3; ++k) add(cells.vertex[k][c], cells.vertex[3][c], third);
+  }
+  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
+    if (!counted[c]) continue;
+    const Wedge w = wedge(cells, grains, c);
+    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], w1 = cells.vertex[2][c], w2 = cells.vertex[3][c];
+    const double f = pressure[c] * w.length;
+    add(i, w1, f * (w.a2 / 3.0 + w.b2 / 6.0));
+    add(j, w1, f * (w.b2 / 3.0 + w.a2 / 6.0));
+    add(i, w2, f * (w.a1 / 3.0 + w.b1 / 6.0));
+    add(j, w2, f * (w.b1 / 3.0 + w.a1 / 6.0));
+  }
+  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
+    if (!counted[c]) continue;
+    const Vertex i = cells.vertex[0][c];
+    for (int k = 1; k < 4; ++k) {
+      double area = pressure[c];
+      for (int o = 1; o < 4; ++o)
+        if (o != k) area *= grains.gap(i, wall_of(cells.vertex[o][c]));
+      add(i, cells.vertex[k][c], area);
+    }
+  }
+}
+
+Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t c, int k) {
+  Vertex v[4];
+  for (int o = 0; o < 4; ++o) v[o] = cells.vertex[o][c];
+  if (c < cells.end[0]) {
+    // A third of the opposite face's area, pointing inwards.
+    static constexpr int opposite[4][3] = {{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}};
+    const int* f = opposite[k];
+    return (1.0 / 6.0) * cross(direction(grains, v[f[0]], v[f[1]]), direction(grains, v[f[0]], v[f[2]]));
+  }
+  if (c < cells.end[1]) {
+    const Vector3 n = wall_normal(v[3]);
+    double gaps = 0.0;
+    for (int o = 0; o < 3; ++o) gaps += grains.gap(v[o], wall_of(v[3]));
+    const Vector3 opposite = grains.position(v[(k + 1) % 3]) - grains.position(v[(k + 2) % 3]);
+    return (gaps / 6.0) * cross(opposite, n) - (prism_projection(cells, grains, c) / 6.0) * n;
+  }
+  if (c < cells.end[2]) {
+    const Wedge w = wedge(cells, grains, c);
+    const double sign = k == 0 ? -1.0 : 1.0;
+    const double own1 = k == 0 ? w.a1 : w.b1, own2 = k == 0 ? w.a2 : w.b2;
+    const double other1 = k == 0 ? w.b1 : w.a1, other2 = k == 0 ? w.b2 : w.a2;
+    return (sign * mean_product(w.a1, w.a2, w.b1, w.b2)) * w.along -
+           (w.length * (own2 / 3.0 + other2 / 6.0)) * wall_normal(v[2]) -
+           (w.length * (own1 / 3.0 + other1 / 6.0)) * wall_normal(v[3]);
+  }
+  Vector3 gradient{0.0, 0.0, 0.0};
+  for (int o = 1; o < 4; ++o) {
+    double area = 1.0;
+    for (int q = 1; q < 4; ++q)
+      if (q != o) area *= grains.gap(v[0], wall_of(v[q]));
+    gradient = gradient - area * wall_normal(v[o]);
+  }
+  return gradient;
+}
+
+}  // namespace poreslip::geometry

@@ -1,0 +1,28 @@
+// Volumes, centroids and void volumes of cells, and how a cell's volume answers to its walls: equations (4)-(5).
+// A wall is the exact limit of a sphere of infinite radius: a direction in every angle, and a gap. Pure functions.
+#pragma once
+
+#include "geometry/vector3.hpp"
+#include "geometry/view.hpp"
+
+namespace poreslip::geometry {
+
+// Volume of each cell, m^3: tetrahedron, prism, wedge (two walls) or corner (three). Out: volume (m).
+void cell_volumes(const CellView& cells, const GrainView& grains, double* volume);
+
+// Volume of the void of each cell, m^3, (4)-(5): cell less spherical sectors, plus dihedral angle / 2 pi of each lens that
+// two grains, or a grain and a wall, have in common. Out: volume (m).
+void pore_volumes(const CellView& cells, const GrainView& grains, double* volume);
+
+// Centroid of each cell, m. Out: centre (m, 3).
+void cell_centroids(const CellView& cells, const GrainView& grains, double* centre);
+
+// Force of the pressures on the walls, N, outward positive: for each cell p * dV/dgap, to the group of the grain whose gap
+// it is. counted (m): cells that enter the sum. Adds to force (groups, 6).
+void add_wall_forces(const CellView& cells, const GrainView& grains, const bool* counted, const double* pressure,
+                     double* force);
+
+// Gradient of one cell's own volume with respect to the position of its vertex k, m^2.
+Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t cell, int k);
+
+}  // namespace poreslip::geometry

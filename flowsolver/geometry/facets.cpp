@@ -1,0 +1,248 @@
+#include "geometry/facets.hpp"
+
+#include <numbers>
+
+namespace poreslip::geometry {
+namespace {
+
+inline double cube(double r) { return r * r * r; }
+
+// Tangent of half the angle between two edges, from |a x b|, |a||b| and a.b.
+inline double half_tangent(double cross_norm, double lengths, double product) {
+  return cross_norm / (lengths + product);
+}
+
+struct Shares {
+  double a, b, c;
+};
+
+// S_k of a triangle. The integral of a vertex' barycentric coordinate over a neighbour's circular sector of angle theta is
+// R^3 tan(theta / 2) / (3 l), with l the edge between the two: the sectors' own areas cancel, and no angle is needed.
+// An overlap's frozen lens adds its first moment about the edge times the coordinates' slope away from the edge.
+inline Shares triangle_total(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
+                             double rc) {
+  const double ba_bc = lab * lab - ab_ac, ca_cb = lac * lac - ab_ac;
+  const double qa = cube(ra) * half_tangent(area2, lab * lac, ab_ac);
+  const double qb = cube(rb) * half_tangent(area2, lab * lbc, ba_bc);
+  const double qc = cube(rc) * half_tangent(area2, lac * lbc, ca_cb);
+  const double ab = (qa - qb) / (3.0 * lab), ac = (qa - qc) / (3.0 * lac), bc = (qb - qc) / (3.0 * lbc);
+  // Lens moment over the height of the opposite vertex above the edge.
+  const double mab = lens_over_two_pi(ra, rb, lab) * lab / area2;
+  const double mac = lens_over_two_pi(ra, rc, lac) * lac / area2;
+  const double mbc = lens_over_two_pi(rb, rc, lbc) * lbc / area2;
+  // Foot of that height along the edge, from its first end, as a fraction.
+  const double tab = ab_ac / (lab * lab), tac = ab_ac / (lac * lac), tbc = ba_bc / (lbc * lbc);
+  const double third = area2 / 6.0;
+  return {third + ab + ac - mab * (1.0 - tab) - mac * (1.0 - tac) + mbc,
+          third - ab + bc - mab * tab - mbc * (1.0 - tbc) + mac,
+          third - ac - bc - mac * tac - mbc * tbc + mab};
+}
+
+inline Shares triangle_pressure(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
+                                double rc) {
+  return {ra * ra * std::atan(half_tangent(area2, lab * lac, ab_ac)),
+          rb * rb * std::atan(half_tangent(area2, lab * lbc, lab * lab - ab_ac)),
+          rc * rc * std::atan(half_tangent(area2, lac * lbc, lac * lac - ab_ac))};
+}
+
+template <ForceLaw law>
+void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* fx, double* fy,
+                         double* fz) {
+  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+  // Blocks: a vectorised part without any store to the grains, and a scatter.
+  constexpr std::size_t block = 256;
+  double force[9][block];
+  for (std::size_t first = 0; first < facets.end[0]; first += block) {
+    const std::size_t count = std::min(block, facets.end[0] - first);
+    const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
+    const std::int32_t *left = facets.left + first, *right = facets.right + first;
+#pragma omp simd
+    for (std::size_t f = 0; f < count; ++f) {
+      const Vertex a = va[f], b = vb[f], c = vc[f];
+      const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
+      const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
+      const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
+      const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
+      const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
+      const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
+      const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
+      const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
+      const double ab_ac = abx * acx + aby * acy + abz * acz;
+      const Shares s = law == ForceLaw::total ? triangle_total(area2, lab, lac, lbc, ab_ac, r[a], r[b], r[c])
+                                              : triangle_pressure(area2, lab, lac, lbc, ab_ac, r[a], r[b], r[c]);
+      const double scale = (pressure[left[f]] - pressure[right[f]]) / area2;
+      const double sa = s.a * scale, sb = s.b * scale, sc = s.c * scale;
+      force[0][f] = sa * nx; force[1][f] = sa * ny; force[2][f] = sa * nz;
+      force[3][f] = sb * nx; force[4][f] = sb * ny; force[5][f] = sb * nz;
+      force[6][f] = sc * nx; force[7][f] = sc * ny; force[8][f] = sc * nz;
+    }
+    for (std::size_t f = 0; f < count; ++f) {
+      const Vertex a = va[f], b = vb[f], c = vc[f];
+      fx[a] += force[0][f]; fy[a] += force[1][f]; fz[a] += force[2][f];
+      fx[b] += force[3][f]; fy[b] += force[4][f]; fz[b] += force[5][f];
+      fx[c] += force[6][f]; fy[c] += force[7][f]; fz[c] += force[8][f];
+    }
+  }
+}
+
+Vector3 wall_normal(int wall) {
+  Vector3 n{0.0, 0.0, 0.0};
+  n[wall_axis(wall)] = wall_sign(wall);
+  return n;
+}
+
+// A strip: an edge between two grains and its projection on a wall. Unit normal, lengths and gaps.
+struct Strip {
+  Vector3 normal;
+  double width;       // length of the edge as the wall sees it, m
+  double edge;        // its own length, m
+  double rise;        // its component towards the wall, m
+  double gap_i, gap_j;
+};
+
+Strip strip(const FacetView& facets, const GrainView& grains, std::size_t f) {
+  const Vertex i = facets.vertex[0][f], j = facets.vertex[1][f];
+  const int wall = wall_of(facets.vertex[2][f]);
+  const Vector3 e = grains.position(j) - grains.position(i), n = wall_normal(wall), c = cross(e, n);
+  const double width = norm(c);
+  return {(1.0 / width) * c, width, norm(e), dot(e, n), grains.gap(i, wall), grains.gap(j, wall)};
+}
+
+Shares strip_shares(const Strip& s, double ri, double rj, ForceLaw law) {
+  const double ti = half_tangent(s.width, s.edge, s.rise), tj = half_tangent(s.width, s.edge, -s.rise);
+  if (law == ForceLaw::pressure) return {ri * ri * std::atan(ti), rj * rj * std::atan(tj), 0.0};
+  // As for a triangle whose third vertex is infinitely far: the coordinates are those along the projected edge.
+  const double exchange = (cube(ri) * ti - cube(rj) * tj) / (3.0 * s.edge) +
+                          (lens_over_two_pi(ri, rj, s.edge) * s.rise / s.edge + 0.5 * cap_over_pi(rj, s.gap_j) -
+                           0.5 * cap_over_pi(ri, s.gap_i)) / s.width;
+  return {s.width * (2.0 * s.gap_i + s.gap_j) / 6.0 + exchange, s.width * (s.gap_i + 2.0 * s.gap_j) / 6.0 - exchange, 0.0};
+}
+
+// Area of the circular segment beyond a chord at distance d from the centre, and half the chord's arc angle.
+inline double arc_half_angle(double radius, double d) {
+  return std::acos(std::min(std::max(d / radius, -1.0), 1.0));
+}
+inline double half_segment(double radius, double d) {
+  const double c = std::min(std::max(d, -radius), radius);
+  return 0.5 * (radius * radius * arc_half_angle(radius, c) - c * std::sqrt((radius - c) * (radius + c)));
+}
+// Distance from the first centre to the radical plane of two spheres.
+inline double radical_distance(double ra, double rb, double l) { return 0.5 * (l + (ra - rb) * (ra + rb) / l); }
+
+// Half of an overlap's plane lens: its area goes back to the open area, and the arcs inside it leave the perimeter.
+struct HalfLens {
+  double area, arcs;
+};
+inline HalfLens half_lens(double ra, double rb, double l) {
+  const double da = radical_distance(ra, rb, l), db = l - da;
+  return {half_segment(ra, da) + half_segment(rb, db), ra * arc_half_angle(ra, da) + rb * arc_half_angle(rb, db)};
+}
+inline double open_gap(double length) { return std::max(length, 0.0); }
+
+}  // namespace
+
+FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::size_t f, ForceLaw law) {
+  const Vertex a = facets.vertex[0][f], b = facets.vertex[1][f], c = facets.vertex[2][f];
+  if (f < facets.end[0]) {
+    const Vector3 ab = grains.position(b) - grains.position(a), ac = grains.position(c) - grains.position(a);
+    const Vector3 n = cross(ab, ac);
+    const double area2 = norm(n), lbc = norm(ac - ab), ra = grains.radius[a], rb = grains.radius[b], rc = grains.radius[c];
+    const Shares s = law == ForceLaw::total ? triangle_total(area2, norm(ab), norm(ac), lbc, dot(ab, ac), ra, rb, rc)
+                                            : triangle_pressure(area2, norm(ab), norm(ac), lbc, dot(ab, ac), ra, rb, rc);
+    return {{s.a, s.b, s.c}, (1.0 / area2) * n};
+  }
+  if (f < facets.end[1]) {
+    const Strip s = strip(facets, grains, f);
+    const Shares shares = strip_shares(s, grains.radius[a], grains.radius[b], law);
+    return {{shares.a, shares.b, 0.0}, s.normal};
+  }
+  const Vector3 n = cross(wall_normal(wall_of(b)), wall_normal(wall_of(c)));
+  const double sector = 0.25 * std::numbers::pi * grains.radius[a] * grains.radius[a];
+  const double area = grains.gap(a, wall_of(b)) * grains.gap(a, wall_of(c));
+  return {{law == ForceLaw::total ? area : sector, 0.0, 0.0}, n};
+}
+
+std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView& grains, std::size_t f) {
+  const Vertex a = facets.vertex[0][f], b = facets.vertex[1][f], c = facets.vertex[2][f];
+  if (f < facets.end[0]) {
+    const double third =
+        norm(cross(grains.position(b) - grains.position(a), grains.position(c) - grains.position(a))) / 6.0;
+    return {third, third, third};
+  }
+  if (f < facets.end[1]) {
+    const Strip s = strip(facets, grains, f);
+    return {s.width * (2.0 * s.gap_i + s.gap_j) / 6.0, s.width * (s.gap_i + 2.0 * s.gap_j) / 6.0, 0.0};
+  }
+  return {grains.gap(a, wall_of(b)) * grains.gap(a, wall_of(c)), 0.0, 0.0};
+}
+
+void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, double* fx,
+                      double* fy, double* fz) {
+  if (law == ForceLaw::total)
+    add_triangle_forces<ForceLaw::total>(facets, grains, pressure, fx, fy, fz);
+  else
+    add_triangle_forces<ForceLaw::pressure>(facets, grains, pressure, fx, fy, fz);
+  for (std::size_t f = facets.end[0]; f < facets.size(); ++f) {
+    const FacetShares s = facet_shares(facets, grains, f, law);
+    const double difference = pressure[facets.left[f]] - pressure[facets.right[f]];
+    const int count = f < facets.end[1] ? 2 : 1;
+    for (int k = 0; k < count; ++k) {
+      const Vertex g = facets.vertex[k][f];
+      fx[g] += difference * s.share[k] * s.normal[0];
+      fy[g] += difference * s.share[k] * s.normal[1];
+      fz[g] += difference * s.share[k] * s.normal[2];
+    }
+  }
+}
+
+void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
+                     double* perimeter) {
+  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+#pragma omp simd
+  for (std::size_t f = 0; f < facets.end[0]; ++f) {
+    const Vertex a = facets.vertex[0][f], b = facets.vertex[1][f], c = facets.vertex[2][f];
+    const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
+    const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
+    const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
+    const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
+    const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
+    const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
+    const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
+    const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
+    const double ab_ac = abx * acx + aby * acy + abz * acz;
+    const double ra = r[a], rb = r[b], rc = r[c];
+    const double angle_a = std::atan2(area2, ab_ac), angle_b = std::atan2(area2, lab * lab - ab_ac);
+    const double angle_c = std::numbers::pi - angle_a - angle_b;
+    const HalfLens hab = half_lens(ra, rb, lab), hac = half_lens(ra, rc, lac), hbc = half_lens(rb, rc, lbc);
+    facet_area[f] = 0.5 * area2;
+    open_area[f] = 0.5 * (area2 - ra * ra * angle_a - rb * rb * angle_b - rc * rc * angle_c) + hab.area + hac.area +
+                   hbc.area;
+    perimeter[f] = ra * angle_a + rb * angle_b + rc * angle_c - hab.arcs - hac.arcs - hbc.arcs +
+                   open_gap(lab - ra - rb) + open_gap(lac - ra - rc) + open_gap(lbc - rb - rc);
+  }
+  for (std::size_t f = facets.end[0]; f < facets.end[1]; ++f) {
+    const Strip s = strip(facets, grains, f);
+    const double ri = r[facets.vertex[0][f]], rj = r[facets.vertex[1][f]];
+    const double angle_i = std::atan2(s.width, s.rise), angle_j = std::numbers::pi - angle_i;
+    const HalfLens h = half_lens(ri, rj, s.edge);
+    const double beyond_i = arc_half_angle(ri, s.gap_i), beyond_j = arc_half_angle(rj, s.gap_j);
+    facet_area[f] = 0.5 * s.width * (s.gap_i + s.gap_j);
+    open_area[f] = facet_area[f] - 0.5 * (ri * ri * angle_i + rj * rj * angle_j) + h.area + half_segment(ri, s.gap_i) +
+                   half_segment(rj, s.gap_j);
+    // On the wall's line the feet of the two grains' discs are solid.
+    const double line = s.width - ri * std::sin(beyond_i) - rj * std::sin(beyond_j);
+    perimeter[f] = ri * (angle_i - beyond_i) + rj * (angle_j - beyond_j) - h.arcs + open_gap(s.edge - ri - rj) +
+                   open_gap(s.gap_i - ri) + open_gap(s.gap_j - rj) + open_gap(line);
+  }
+  for (std::size_t f = facets.end[1]; f < facets.end[2]; ++f) {
+    const Vertex i = facets.vertex[0][f];
+    const double ri = r[i], g1 = grains.gap(i, wall_of(facets.vertex[1][f])), g2 = grains.gap(i, wall_of(facets.vertex[2][f]));
+    const double beyond_1 = arc_half_angle(ri, g1), beyond_2 = arc_half_angle(ri, g2);
+    facet_area[f] = g1 * g2;
+    open_area[f] = g1 * g2 - 0.25 * std::numbers::pi * ri * ri + half_segment(ri, g1) + half_segment(ri, g2);
+    perimeter[f] = ri * (0.5 * std::numbers::pi - beyond_1 - beyond_2) + open_gap(g1 - ri) + open_gap(g2 - ri) +
+                   open_gap(g2 - ri * std::sin(beyond_1)) + open_gap(g1 - ri * std::sin(beyond_2));
+  }
+}
+
+}  // namespace poreslip::geometry

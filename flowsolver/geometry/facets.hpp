@@ -1,0 +1,43 @@
+// Facets between cells: how the pressure difference across one is shared among its grains, and how fluid passes it.
+// Equations (2) and (6). Pure functions.
+#pragma once
+
+#include "geometry/vector3.hpp"
+#include "geometry/view.hpp"
+
+namespace poreslip::geometry {
+
+enum class ForceLaw {
+  pressure,  // (2): the pressure on the grains' own patches; per facet, difference * sector
+  total,     // and the throats' viscous drag: the gradient of the pore volumes, F_g = sum_k p_k dV_k/dx_g
+};
+
+// Forces of the pressures on the grains, N: F_k += (p_left - p_right) * S_k * n for the grains k of every facet, with S_k the
+// grain's sector (pressure) or sector and share of the throat (total; sum_k S_k = the facet's area exactly). The lens of an
+// overlap is held frozen: fluid pressure acts all round a grain, so that contact forces are effective ones.
+// Adds to fx, fy, fz (grains).
+void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, double* fx,
+                      double* fy, double* fz);
+
+// Coefficients S_k of one facet, m^2, and its unit normal out of the left cell.
+struct FacetShares {
+  std::array<double, 3> share;
+  Vector3 normal;
+};
+FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::size_t facet, ForceLaw law);
+
+// The part of facet f's own area (its solid left out of account) that moves with its vertex k, m^2: the mean of the vertex'
+// barycentric coordinate times the area.
+std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView& grains, std::size_t facet);
+
+// Geometry of the throats: facet area (m^2), open area A (m^2, may be negative before any limiter) and the open area's whole
+// perimeter P (m): arcs, open gaps between grains, and the line on a wall. Out: three arrays (facets).
+void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
+                     double* perimeter);
+
+// Conductance of a throat, (6): C = 3 A^3 / (5 viscosity P^2), m^4 / (Pa s). The flow is q = C (p_i - p_j) / l.
+inline double duct_conductance(double open_area, double perimeter, double viscosity) {
+  return 3.0 * open_area * open_area * open_area / (5.0 * viscosity * perimeter * perimeter);
+}
+
+}  // namespace poreslip::geometry

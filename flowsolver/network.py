@@ -1,0 +1,197 @@
+"""The pore network of a moving grain pack: which pores there are, and what their pressures do to grains and walls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flowsolver.native import load
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+_native = load("poreslip_network")
+
+InputError: type[ValueError] = _native.InputError
+"""Something given is wrong. Raised on all ranks together."""
+ComputationError: type[RuntimeError] = _native.ComputationError
+"""The input was sound but the computation failed. Raised on all ranks together."""
+
+LEAST_OPEN_SHARE = 0.02
+"""A throat's open area counts as at least this share of its facet."""
+LEAST_VOID_SHARE = 0.05
+"""A pore's void counts, for storage only, as at least this share of its cell."""
+
+ForceLaw = Literal["total", "pressure"]
+
+
+def _array(name: str, value: Any, dtype: type, shape: tuple[int | None, ...], faults: list[str]) -> NDArray[Any]:
+    """`value` as a C-contiguous array; a wrong type or shape is added to `faults`."""
+    array = np.asarray(value)
+    shown = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
+    fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape))
+    if not fits or not np.can_cast(array.dtype, dtype, casting="safe"):
+        faults.append(f"{name} has shape {array.shape} and dtype {array.dtype}: expected {shown} {np.dtype(dtype)}")
+        return np.zeros(tuple(s or 0 for s in shape), dtype)
+    return np.ascontiguousarray(array, dtype)
+
+
+class PoreNetwork:
+    """Pores between grains in a box, from each rank's own grains.
+
+    Every face of a direction that is not periodic is a wall. Methods are collective unless they say local: every rank of the
+    communicator must call them. Errors are raised on all ranks together.
+
+    Parameters
+    ----------
+    comm
+        mpi4py communicator; each rank hands over its own grains.
+    lower, upper : (3,) float64, m
+        Corners of the box; along periodic directions they give the period.
+    periodic : (3,) bool
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        periodic: Sequence[bool] = (False, False, False),
+    ) -> None:
+        faults: list[str] = []
+        box = [_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
+        if len(periodic) != 3:
+            faults.append(f"periodic has {len(periodic)} entries: expected 3, for x, y and z")
+        for fault in comm.allgather(faults[0] if faults else ""):
+            if fault:
+                raise InputError(fault)
+        self._native = _native.PoreNetwork(
+            comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic]
+        )
+        self._faces = np.stack(box, axis=1).reshape(1, 6)
+
+    def update(
+        self,
+        id: ArrayLike,
+        position: ArrayLike,
+        radius: ArrayLike,
+        wall_position: ArrayLike | None = None,
+        group: ArrayLike | None = None,
+        rebuild: bool = False,
+    ) -> str:
+        """Take up the grains' present state; mesh anew only if the mesh at hand no longer holds.
+
+        Parameters
+        ----------
+        id : (n,) int64
+            This rank's own grains, in any order; they may have come from another rank since the last update.
+        position : (n, 3) float64, m
+        radius : (n,) float64, m
+        wall_position : (G, 6) float64, m, optional
+            Planes of the walls x low, x high, y low, y high, z low, z high for each group of grains, the same on all ranks;
+            entries of periodic directions are not used. Default: the box's faces.
+        group : (n,) int32, optional
+            Each grain's row of wall_position. Default: 0.
+        rebuild
+            Mesh anew in any case.
+
+        Returns
+        -------
+        "kept" or "rebuilt", the same on all ranks.
+        """
+        faults: list[str] = []
+        ids = _array("id", id, np.int64, (None,), faults)
+        n = len(ids)
+        positions = _array("position", position, np.float64, (n, 3), faults)
+        radii = _array("radius", radius, np.float64, (n,), faults)
+        groups = np.zeros(n, np.int32) if group is None else _array("group", group, np.int32, (n,), faults)
+        planes = self._faces if wall_position is None else _array("wall_position", wall_position, np.float64, (None, 6), faults)
+        if len(planes) == 0 and not faults:
+            faults.append("wall_position has no rows: expected one for each group of grains")
+        self._native.agree(faults[0] if faults else "")
+        return self._native.update(ids, positions, radii, groups, planes, rebuild)
+
+    @property
+    def pores(self) -> int:
+        """Number m of cells that touch this rank's grains (local)."""
+        return self._native.pores
+
+    @property
+    def owned(self) -> NDArray[np.bool_]:
+        """(m,) bool, local: the cells this rank owns; over all ranks every cell once."""
+        return self._native.owned()
+
+    @property
+    def pore_centre(self) -> NDArray[np.float64]:
+        """(m, 3) float64, m, local: centroid of each cell, inside the box along periodic directions."""
+        return self._native.pore_centre()
+
+    @property
+    def cell_volume(self) -> NDArray[np.float64]:
+        """(m,) float64, m^3, local: volume of each cell."""
+        return self._native.cell_volume()
+
+    @property
+    def pore_volume(self) -> NDArray[np.float64]:
+        """(m,) float64, m^3, local: void volume of each cell, (4)-(5), before any limiter."""
+        return self._native.pore_volume()
+
+    @property
+    def grains_of_pore(self) -> NDArray[np.int64]:
+        """(m, 4) int64, local: ids of each cell's grains; -1 to -6 are the walls x low, x high, y low, ... z high."""
+        return self._native.grains_of_pore()
+
+    @property
+    def pores_of_throat(self) -> NDArray[np.int32]:
+        """(f, 2) int32, local: the pores on the left and right of each throat."""
+        return self._native.pores_of_throat()
+
+    @property
+    def grains_of_throat(self) -> NDArray[np.int64]:
+        """(f, 3) int64, local: ids of each throat's grains; walls as in `grains_of_pore`."""
+        return self._native.grains_of_throat()
+
+    @property
+    def owned_throats(self) -> NDArray[np.bool_]:
+        """(f,) bool, local: the throats this rank owns; over all ranks every throat once."""
+        return self._native.owned_throats()
+
+    def throat_sections(self) -> dict[str, NDArray[np.float64]]:
+        """Sections of the throats, (f,) float64 each, local: facet_area and open_area (m^2, the latter before any limiter),
+        perimeter (m, arcs and open gaps), length (m, between the centroids of the cells)."""
+        return self._native.throat_sections()
+
+    def limited(self, least_open_share: float = LEAST_OPEN_SHARE, least_void_share: float = LEAST_VOID_SHARE) -> tuple[int, int]:
+        """Numbers of pores and throats, over all ranks, that a limiter at these shares of cell and facet touches."""
+        return self._native.limited(least_open_share, least_void_share)
+
+    def forces(self, pressure: ArrayLike, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces of given pore pressures on grains and walls.
+
+        Parameters
+        ----------
+        pressure : (m,) float64, Pa
+            Pressure in each pore of this rank, those it does not own too.
+        law
+            "total": the gradient of the pore volumes, F_g = sum_k p_k dV_k/dx_g; "pressure": (2) alone, without the throats'
+            viscous drag.
+
+        Returns
+        -------
+        force : (n, 3) float64, N, on this rank's grains in the order of the last update
+        wall_force : (G, 6) float64, N, outward, on each wall by group, over all ranks
+        """
+        faults: list[str] = []
+        if law not in ("total", "pressure"):
+            faults.append(f'law is {law!r}: expected "total" or "pressure"')
+        pressures = _array("pressure", pressure, np.float64, (self.pores,), faults)
+        self._native.agree(faults[0] if faults else "")
+        return self._native.forces(pressures, law)
+
+    def report(self) -> dict[str, Any]:
+        """Counts over all ranks (grains, pores, throats, hidden_grains, kept, rebuilt, exact_tests of the last certificate),
+        the halo's width in m, and this rank's seconds by phase (tessellate, certify, geometry, forces)."""
+        return self._native.report()

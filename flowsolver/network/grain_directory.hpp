@@ -1,0 +1,46 @@
+// Which grain of the mesh is which grain of the caller: the caller's order may change, and grains may move to other ranks.
+#pragma once
+
+#include <mpi.h>
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "network/grain_input.hpp"
+#include "tessellation/halo.hpp"
+
+namespace poreslip {
+
+// The mesh stays with the rank that built it. Grains that have since moved to another rank (strays) are sent to the mesh's
+// rank by id, and their forces back; they are few, or the mesh is rebuilt.
+class GrainDirectory {
+ public:
+  // Own grains of the mesh are the caller's, in the caller's order.
+  void reset(const std::vector<std::int64_t>& id);
+
+  // Collective. Takes up the caller's present order. False on all ranks if the mesh cannot go on: grains have come or gone,
+  // or too many have moved.
+  bool match(MPI_Comm comm, const GrainInput& input);
+
+  // Collective. The caller's positions, radii and groups, in the order of the mesh's own grains.
+  void gather(MPI_Comm comm, const GrainInput& input, OwnGrains& own) const;
+
+  // Collective. Forces on the mesh's own grains, in the order of the caller's last input. Out: (n, 3).
+  void scatter(MPI_Comm comm, const std::vector<double>& fx, const std::vector<double>& fy, const std::vector<double>& fz,
+               double* force) const;
+
+  std::size_t input_size() const { return own_of_input_.size(); }
+  // The mesh's own grain that is the caller's grain i, or -1 if its mesh is on another rank.
+  std::int32_t own_of_input(std::size_t i) const { return own_of_input_[i]; }
+
+ private:
+  std::vector<std::pair<std::int64_t, std::int32_t>> by_id_;  // id, own index
+  std::vector<std::int64_t> own_id_;                          // of the mesh's own grains
+  std::vector<std::int64_t> input_id_;                        // the caller's last ids
+  std::vector<std::int32_t> own_of_input_;
+  std::vector<std::int32_t> lost_;                            // own grains that another rank now hands over
+  std::int64_t strays_everywhere_ = 0;
+};
+
+}  // namespace poreslip

@@ -1,0 +1,413 @@
+#include "network/pore_network.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+
+#include "geometry/cells.hpp"
+#include "network/validation.hpp"
+#include "tessellation/agreement.hpp"
+#include "tessellation/certificate.hpp"
+#include "tessellation/errors.hpp"
+#include "tessellation/hilbert.hpp"
+#include "tessellation/triangulation.hpp"
+
+namespace poreslip {
+namespace {
+
+// Adds the time of its scope, in seconds.
+class Timer {
+ public:
+  explicit Timer(double& total) : total_(total), start_(MPI_Wtime()) {}
+  ~Timer() { total_ += MPI_Wtime() - start_; }
+
+ private:
+  double& total_;
+  double start_;
+};
+
+// The halo starts at twice the largest grain's diameter: enough for packs down to twice the porosity of a dense one.
+constexpr double halo_radii = 4.0;
+
+// A grain this share of a period outside the box is put back in; nearer ones stay where the DEM engine has them.
+constexpr double wrap_margin = 0.25;
+
+}  // namespace
+
+PoreNetwork::PoreNetwork(MPI_Comm comm, const Domain& domain) : domain_(domain) {
+  MPI_Comm_dup(comm, &comm_);
+  agree_on_input(comm_, check_domain(domain));
+  for (int d = 0; d < 3; ++d) {
+    // Periodic coordinates are rounded to a grid on which shifts by a period are exact: all images then see the same
+    // triangulation, ties included. The grid is 2^-50 of the box.
+    const double largest = std::max({std::abs(domain.lower[d]), std::abs(domain.upper[d]), domain.length(d)});
+    quantum_[d] = std::ldexp(1.0, std::ilogb(largest) + 3 - 52);
+    period_[d] = std::round(domain.length(d) / quantum_[d]) * quantum_[d];
+  }
+}
+
+PoreNetwork::~PoreNetwork() {
+  int finalized = 0;
+  MPI_Finalized(&finalized);
+  if (!finalized) MPI_Comm_free(&comm_);
+}
+
+void PoreNetwork::agree(const std::string& message) const { agree_on_input(comm_, message); }
+
+GrainView PoreNetwork::view() const {
+  return {local_.x.data(), local_.y.data(), local_.z.data(), local_.radius.data(), local_.group.data(),
+          wall_position_.data()};
+}
+
+Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
+  std::string fault = check_grains(input, domain_);
+  // One set of planes for all ranks: rank 0's.
+  std::uint64_t groups = input.groups;
+  MPI_Bcast(&groups, 1, MPI_UINT64_T, 0, comm_);
+  std::vector<double> planes(6 * groups);
+  if (groups == input.groups) std::copy_n(input.wall_position, 6 * groups, planes.begin());
+  MPI_Bcast(planes.data(), static_cast<int>(planes.size()), MPI_DOUBLE, 0, comm_);
+  bool same = groups == input.groups;
+  for (std::size_t k = 0; same && k < planes.size(); ++k)
+    same = planes[k] == input.wall_position[k] || !domain_.has_wall(static_cast<int>(k % 6));
+  if (fault.empty() && !same) fault = "wall_position differs between ranks: every rank must give the same planes";
+  agree_on_input(comm_, fault);
+
+  const bool may_keep = meshed_ && !rebuild_asked && hidden_ == 0 && planes.size() == wall_position_.size();
+  wall_position_ = std::move(planes);
+  if (may_keep && keep(input)) {
+    ++report_.kept;
+    return Outcome::kept;
+  }
+  rebuild(input);
+  ++report_.rebuilt;
+  return Outcome::rebuilt;
+}
+
+bool PoreNetwork::keep(const GrainInput& input) {
+  const Timer timer(report_.certify);
+  if (!directory_.match(comm_, input)) return false;
+  place(input, true);
+  halo_.refresh(own_);
+  refresh_local_grains();
+  walls_ = make_wall_spheres(domain_, wall_position_);
+  const Certificate certificate = certify(mesh_, local_, walls_);
+  std::array<std::int64_t, 2> total{certificate.valid() ? 0 : 1, certificate.exact_tests};
+  MPI_Allreduce(MPI_IN_PLACE, total.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
+  report_.exact_tests = total[1];
+  return total[0] == 0;
+}
+
+// Own grains at their new places; continuous: as the periodic image nearest to where they were.
+void PoreNetwork::place(const GrainInput& input, bool continuous) {
+  OwnGrains before;
+  if (continuous) before = own_;
+  directory_.gather(comm_, input, own_);
+  std::vector<double>* now[3] = {&own_.x, &own_.y, &own_.z};
+  const std::vector<double>* then[3] = {&before.x, &before.y, &before.z};
+  for (int d = 0; d < 3; ++d) {
+    if (!domain_.periodic[d]) continue;
+    for (std::size_t i = 0; i < own_.size(); ++i) {
+      double x = (*now[d])[i];
+      const double outside = std::max(domain_.lower[d] - x, x - domain_.upper[d]);
+      if (continuous) x -= period_[d] * std::round((x - (*then[d])[i]) / period_[d]);
+      else if (outside > wrap_margin * period_[d]) x -= period_[d] * std::floor((x - domain_.lower[d]) / period_[d]);
+      (*now[d])[i] = std::round(x / quantum_[d]) * quantum_[d];
+    }
+  }
+}
+
+void PoreNetwork::rebuild(const GrainInput& input) {
+  const Timer timer(report_.tessellate);
+  meshed_ = false;
+  own_.id.assign(input.id, input.id + input.count);
+  for (auto* v : {&own_.x, &own_.y, &own_.z, &own_.radius}) v->resize(input.count);
+  own_.group.resize(input.count);
+  directory_.reset(own_.id);
+  agree_on_input(comm_, check_unique_ids(comm_, own_.id));
+  place(input, false);
+  walls_ = make_wall_spheres(domain_, wall_position_);
+
+  double largest = 0.0;
+  for (const double r : own_.radius) largest = std::max(largest, r);
+  MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, comm_);
+  agree_on_input(comm_, largest > 0.0 ? "" : "there are no grains on any rank: a pore network needs at least one");
+
+  // An empty sphere fits between the images of any grain, so a halo of two box diagonals always suffices.
+  double diagonal = 0.0;
+  for (int d = 0; d < 3; ++d) diagonal += domain_.length(d) * domain_.length(d);
+  const double widest = 4.0 * (std::sqrt(diagonal) + largest);
+  TouchingCells cells;
+  for (halo_width_ = halo_radii * largest;; halo_width_ *= 2.0) {
+    halo_.build(comm_, domain_, period_, own_, halo_width_);
+    sort_local_grains();
+    cells = {};
+    if (own_.size() > 0) cells = triangulate(local_, walls_, halo_.known_lower(), halo_.known_upper(), largest);
+    agree_on_input(comm_, cells.coincident);
+    if (!any_rank(comm_, !cells.complete)) break;
+    if (halo_width_ > widest)
+      throw ComputationError("the triangulation of the grains did not close within a halo of " +
+                             std::to_string(halo_width_) + " m; check the positions and the box");
+  }
+  hidden_ = cells.hidden;
+  MPI_Allreduce(MPI_IN_PLACE, &hidden_, 1, MPI_INT64_T, MPI_SUM, comm_);
+
+  mesh_ = make_mesh(cells, local_);
+  owned_ = std::make_unique<bool[]>(mesh_.cells());
+  for (std::size_t c = 0; c < mesh_.cells(); ++c) {
+    const Vertex v[4] = {mesh_.cell_vertex[0][c], mesh_.cell_vertex[1][c], mesh_.cell_vertex[2][c], mesh_.cell_vertex[3][c]};
+    owned_[c] = belongs_here(v, 4, local_);
+  }
+  wall_facets_.clear();
+  const auto walled = [this](std::int32_t cell) { return static_cast<std::size_t>(cell) >= mesh_.cell_end[0]; };
+  for (std::size_t f = 0; f < mesh_.facets(); ++f)
+    if (walled(mesh_.left[f]) || walled(mesh_.right[f])) wall_facets_.push_back(f);
+  meshed_ = true;
+}
+
+// Own grains and halo together, along a Hilbert curve; the order depends on positions and ids only, not on the caller's order.
+void PoreNetwork::sort_local_grains() {
+  const auto& halo = halo_.grains();
+  const std::size_t own = own_.size(), n = own + halo.size();
+  struct Key {
+    std::uint64_t curve;
+    std::int64_t id;
+    std::array<std::int8_t, 3> shift;
+    std::int32_t source;
+    auto operator<=>(const Key&) const = default;
+  };
+  std::vector<Key> keys(n);
+  double lower[3], scale = 0.0;
+  for (int d = 0; d < 3; ++d) {
+    lower[d] = domain_.lower[d] - (domain_.periodic[d] ? 2.0 * halo_width_ + domain_.length(d) : 0.0);
+    scale = std::max(scale, domain_.upper[d] - lower[d] + (domain_.periodic[d] ? 2.0 * halo_width_ + domain_.length(d) : 0.0));
+  }
+  // The planes of groups may lie outside the box that was given first: the curve's cube is widened, and its ends are shared.
+  scale *= 1.25;
+  const auto curve = [&](double x, double y, double z) {
+    const double p[3] = {x, y, z};
+    std::array<std::uint32_t, 3> cell;
+    for (int d = 0; d < 3; ++d) {
+      const double s = (p[d] - lower[d]) / scale + 0.1;
+      cell[d] = static_cast<std::uint32_t>(std::min(std::max(s, 0.0), 1.0) * ((1u << 21) - 1));
+    }
+    return hilbert_index(cell);
+  };
+  for (std::size_t i = 0; i < own; ++i)
+    keys[i] = {curve(own_.x[i], own_.y[i], own_.z[i]), own_.id[i], {0, 0, 0}, static_cast<std::int32_t>(i)};
+  for (std::size_t h = 0; h < halo.size(); ++h)
+    keys[own + h] = {curve(halo[h].x, halo[h].y, halo[h].z), halo[h].id, halo[h].shift, -1 - static_cast<std::int32_t>(h)};
+  std::sort(keys.begin(), keys.end());
+  for (auto* v : {&local_.x, &local_.y, &local_.z, &local_.radius}) v->resize(n);
+  local_.id.resize(n);
+  local_.group.resize(n);
+  local_.source.resize(n);
+  local_.shift.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    local_.id[i] = keys[i].id;
+    local_.source[i] = keys[i].source;
+    local_.shift[i] = keys[i].shift;
+  }
+  refresh_local_grains();
+}
+
+void PoreNetwork::refresh_local_grains() {
+  const auto& halo = halo_.grains();
+  for (std::size_t i = 0; i < local_.size(); ++i) {
+    const std::int32_t s = local_.source[i];
+    if (s >= 0) {
+      local_.x[i] = own_.x[s];
+      local_.y[i] = own_.y[s];
+      local_.z[i] = own_.z[s];
+      local_.radius[i] = own_.radius[s];
+      local_.group[i] = own_.group[s];
+    } else {
+      const HaloGrain& h = halo[-1 - s];
+      local_.x[i] = h.x;
+      local_.y[i] = h.y;
+      local_.z[i] = h.z;
+      local_.radius[i] = h.radius;
+      local_.group[i] = h.group;
+    }
+  }
+}
+
+void PoreNetwork::pore_centre(double* centre) {
+  const Timer timer(report_.geometry);
+  geometry::cell_centroids(mesh_.cell_view(), view(), centre);
+  for (int d = 0; d < 3; ++d) {
+    if (!domain_.periodic[d]) continue;
+    for (std::size_t c = 0; c < pores(); ++c) {
+      double& x = centre[3 * c + d];
+      x -= period_[d] * std::floor((x - domain_.lower[d]) / period_[d]);
+    }
+  }
+}
+
+void PoreNetwork::cell_volume(double* volume) {
+  const Timer timer(report_.geometry);
+  geometry::cell_volumes(mesh_.cell_view(), view(), volume);
+}
+
+void PoreNetwork::pore_volume(double* volume) {
+  const Timer timer(report_.geometry);
+  geometry::pore_volumes(mesh_.cell_view(), view(), volume);
+}
+
+void PoreNetwork::grains_of_pore(std::int64_t* id) const {
+  for (std::size_t c = 0; c < pores(); ++c)
+    for (int k = 0; k < 4; ++k) {
+      const Vertex v = mesh_.cell_vertex[k][c];
+      id[4 * c + k] = is_wall(v) ? v : local_.id[v];
+    }
+}
+
+void PoreNetwork::pores_of_throat(std::int32_t* pore) const {
+  for (std::size_t f = 0; f < throats(); ++f) {
+    pore[2 * f] = mesh_.left[f];
+    pore[2 * f + 1] = mesh_.right[f];
+  }
+}
+
+void PoreNetwork::grains_of_throat(std::int64_t* id) const {
+  for (std::size_t f = 0; f < throats(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const Vertex v = mesh_.facet_vertex[k][f];
+      id[3 * f + k] = is_wall(v) ? v : local_.id[v];
+    }
+}
+
+void PoreNetwork::owned_throats(bool* owned) const {
+  for (std::size_t f = 0; f < throats(); ++f) {
+    const Vertex v[3] = {mesh_.facet_vertex[0][f], mesh_.facet_vertex[1][f], mesh_.facet_vertex[2][f]};
+    owned[f] = belongs_here(v, 3, local_);
+  }
+}
+
+ThroatSections PoreNetwork::throat_sections() {
+  const Timer timer(report_.geometry);
+  ThroatSections s;
+  for (auto* v : {&s.facet_area, &s.open_area, &s.perimeter, &s.length}) v->resize(throats());
+  geometry::throat_sections(mesh_.facet_view(), view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
+  std::vector<double> centre(3 * pores());
+  geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
+  for (std::size_t f = 0; f < throats(); ++f) {
+    const double *p = &centre[3 * mesh_.left[f]], *q = &centre[3 * mesh_.right[f]];
+    s.length[f] = std::hypot(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
+  }
+  return s;
+}
+
+Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
+  const ThroatSections s = throat_sections();
+  std::vector<double> cell(pores()), pore(pores());
+  cell_volume(cell.data());
+  pore_volume(pore.data());
+  const auto owned_throat = std::make_unique<bool[]>(throats());
+  owned_throats(owned_throat.get());
+  std::array<std::int64_t, 2> count{0, 0};
+  for (std::size_t c = 0; c < pores(); ++c) count[0] += owned_[c] && pore[c] < least_void_share * cell[c];
+  for (std::size_t f = 0; f < throats(); ++f)
+    count[1] += owned_throat[f] && s.open_area[f] < least_open_share * s.facet_area[f];
+  MPI_Allreduce(MPI_IN_PLACE, count.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
+  return {count[0], count[1]};
+}
+
+// Where neighbouring grains have different planes, the roof of their cell is not square to the wall: the pressure on it has a
+// part along the wall. It is what the gradient of the cell's volume has over and above the cell's facets.
+void PoreNetwork::add_step_forces(const double* pressure, double* fx, double* fy, double* fz) const {
+  if (groups() < 2) return;
+  const GrainView grains = view();
+  const CellView cells = mesh_.cell_view();
+  const FacetView facets = mesh_.facet_view();
+  const auto add = [&](Vertex g, double factor, const Vector3& f) {
+    fx[g] += factor * f[0];
+    fy[g] += factor * f[1];
+    fz[g] += factor * f[2];
+  };
+  const auto stepped = [&](std::size_t c) {
+    for (int k = 1; k < 4; ++k)
+      for (int g = 1; g < 4; ++g) {
+        const Vertex wall = mesh_.cell_vertex[k][c], grain = mesh_.cell_vertex[g][c];
+        if (!is_wall(wall) || is_wall(grain)) continue;
+        const auto plane = [&](Vertex v) { return wall_position_[6 * local_.group[v] + wall_of(wall)]; };
+        if (plane(grain) != plane(mesh_.cell_vertex[0][c])) return true;
+      }
+    return false;
+  };
+  std::vector<bool> is_stepped(cells.size() - cells.end[0]);
+  bool any = false;
+  for (std::size_t c = cells.end[0]; c < cells.end[2]; ++c) {
+    if (!stepped(c)) continue;
+    any = is_stepped[c - cells.end[0]] = true;
+    for (int k = 0; k < 4; ++k)
+      if (!is_wall(mesh_.cell_vertex[k][c]))
+        add(mesh_.cell_vertex[k][c], pressure[c], geometry::cell_volume_gradient(cells, grains, c, k));
+  }
+  if (!any) return;
+  for (const std::size_t f : wall_facets_) {
+    double difference = 0.0;
+    for (const auto& [cell, sign] : {std::pair{mesh_.left[f], 1.0}, std::pair{mesh_.right[f], -1.0}}) {
+      const std::size_t c = cell;
+      if (c >= cells.end[0] && is_stepped[c - cells.end[0]]) difference += sign * pressure[c];
+    }
+    if (difference == 0.0) continue;
+    const Vector3 normal = geometry::facet_shares(facets, grains, f, geometry::ForceLaw::total).normal;
+    const auto share = geometry::facet_area_shares(facets, grains, f);
+    for (int k = 0; k < 3; ++k)
+      if (!is_wall(mesh_.facet_vertex[k][f])) add(mesh_.facet_vertex[k][f], -difference * share[k], normal);
+  }
+}
+
+void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force) {
+  const Timer timer(report_.forces);
+  std::size_t bad = pores();
+  for (std::size_t c = 0; c < pores(); ++c)
+    if (!std::isfinite(pressure[c])) {
+      bad = c;
+      break;
+    }
+  std::string fault;
+  if (bad < pores()) {
+    char text[120];
+    std::snprintf(text, sizeof text, "the pressure of pore %zu is %g Pa: pressures must be finite", bad, pressure[bad]);
+    fault = text;
+  }
+  agree_on_input(comm_, fault);
+
+  std::vector<double> fx(local_.size(), 0.0), fy(local_.size(), 0.0), fz(local_.size(), 0.0);
+  geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, fx.data(), fy.data(), fz.data());
+  if (law == geometry::ForceLaw::total) add_step_forces(pressure, fx.data(), fy.data(), fz.data());
+  std::vector<double> own_x(own_.size()), own_y(own_.size()), own_z(own_.size());
+  for (std::size_t i = 0; i < local_.size(); ++i) {
+    const std::int32_t s = local_.source[i];
+    if (s < 0) continue;
+    own_x[s] = fx[i];
+    own_y[s] = fy[i];
+    own_z[s] = fz[i];
+  }
+  directory_.scatter(comm_, own_x, own_y, own_z, force);
+
+  std::fill_n(wall_force, wall_position_.size(), 0.0);
+  geometry::add_wall_forces(mesh_.cell_view(), view(), owned_.get(), pressure, wall_force);
+  MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_position_.size()), MPI_DOUBLE, MPI_SUM, comm_);
+}
+
+NetworkReport PoreNetwork::report() const {
+  NetworkReport r = report_;
+  std::array<std::int64_t, 3> count{static_cast<std::int64_t>(own_.size()), 0, 0};
+  for (std::size_t c = 0; c < mesh_.cells(); ++c) count[1] += owned_[c];
+  const auto owned_throat = std::make_unique<bool[]>(mesh_.facets());
+  owned_throats(owned_throat.get());
+  for (std::size_t f = 0; f < mesh_.facets(); ++f) count[2] += owned_throat[f];
+  MPI_Allreduce(MPI_IN_PLACE, count.data(), 3, MPI_INT64_T, MPI_SUM, comm_);
+  r.grains = count[0];
+  r.pores = count[1];
+  r.throats = count[2];
+  r.hidden_grains = hidden_;
+  r.halo = halo_width_;
+  return r;
+}
+
+}  // namespace poreslip

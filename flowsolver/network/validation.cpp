@@ -1,0 +1,95 @@
+#include "network/validation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace poreslip {
+namespace {
+
+[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
+  char buffer[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer, sizeof buffer, format, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+constexpr const char* wall_name[6] = {"x low", "x high", "y low", "y high", "z low", "z high"};
+constexpr char axis_name[3] = {'x', 'y', 'z'};
+
+}  // namespace
+
+std::string check_domain(const Domain& domain) {
+  for (int d = 0; d < 3; ++d) {
+    if (!std::isfinite(domain.lower[d]) || !std::isfinite(domain.upper[d]) || !(domain.upper[d] > domain.lower[d]))
+      return text("the box from %g to %g m in %c is not a box: lower and upper must be finite and lower < upper",
+                  domain.lower[d], domain.upper[d], axis_name[d]);
+  }
+  return {};
+}
+
+std::string check_grains(const GrainInput& input, const Domain& domain) {
+  for (std::size_t g = 0; g < input.groups; ++g)
+    for (int w = 0; w < 6; ++w) {
+      if (!domain.has_wall(w)) continue;
+      const double* plane = input.wall_position + 6 * g;
+      if (!std::isfinite(plane[w]))
+        return text("wall_position[%zu, %d] (%s) is %g: the plane of a wall must be a finite position in m", g, w,
+                    wall_name[w], plane[w]);
+      if (w % 2 == 1 && !(plane[w] > plane[w - 1]))
+        return text("wall_position[%zu]: the %s plane at %.9g m is not above the %s plane at %.9g m", g, wall_name[w],
+                    plane[w], wall_name[w - 1], plane[w - 1]);
+    }
+  for (std::size_t i = 0; i < input.count; ++i) {
+    const long long id = input.id[i];
+    const double* x = input.position + 3 * i;
+    if (id < 0) return text("grain id %lld is negative: ids are 0 or more", id);
+    if (!std::isfinite(x[0]) || !std::isfinite(x[1]) || !std::isfinite(x[2]))
+      return text("grain %lld has position (%g, %g, %g): positions must be finite numbers in m", id, x[0], x[1], x[2]);
+    if (!std::isfinite(input.radius[i]) || !(input.radius[i] > 0.0))
+      return text("grain %lld has radius %g m: radii must be finite and positive", id, input.radius[i]);
+    const std::int32_t group = input.group ? input.group[i] : 0;
+    if (group < 0 || static_cast<std::size_t>(group) >= input.groups)
+      return text("grain %lld is of group %d: wall_position has rows 0 to %zu", id, group, input.groups - 1);
+    for (int w = 0; w < 6; ++w) {
+      if (!domain.has_wall(w)) continue;
+      const double plane = input.wall_position[6 * group + w];
+      if (!(wall_sign(w) * (plane - x[wall_axis(w)]) > 0.0))
+        return text("grain %lld at (%.9g, %.9g, %.9g) m is outside the box: its centre must lie inside the %s wall at %.9g m "
+                    "(group %d); move the grain or the wall, or make %c periodic",
+                    id, x[0], x[1], x[2], wall_name[w], plane, group, axis_name[wall_axis(w)]);
+    }
+  }
+  return {};
+}
+
+std::string check_unique_ids(MPI_Comm comm, const std::vector<std::int64_t>& id) {
+  int ranks = 1;
+  MPI_Comm_size(comm, &ranks);
+  // Every id goes to the rank that its value names, which sees all its occurrences.
+  std::vector<int> send_count(ranks, 0), send_start(ranks, 0), receive_count(ranks, 0), receive_start(ranks, 0);
+  for (const std::int64_t v : id) ++send_count[v % ranks];
+  for (int r = 1; r < ranks; ++r) send_start[r] = send_start[r - 1] + send_count[r - 1];
+  std::vector<std::int64_t> sent(id.size());
+  std::vector<int> next = send_start;
+  for (const std::int64_t v : id) sent[next[v % ranks]++] = v;
+  MPI_Alltoall(send_count.data(), 1, MPI_INT, receive_count.data(), 1, MPI_INT, comm);
+  int total = receive_count[0];
+  for (int r = 1; r < ranks; ++r) {
+    receive_start[r] = total;
+    total += receive_count[r];
+  }
+  std::vector<std::int64_t> received(total);
+  MPI_Alltoallv(sent.data(), send_count.data(), send_start.data(), MPI_INT64_T, received.data(), receive_count.data(),
+                receive_start.data(), MPI_INT64_T, comm);
+  std::sort(received.begin(), received.end());
+  const auto twice = std::adjacent_find(received.begin(), received.end());
+  if (twice == received.end()) return {};
+  return text("grain id %lld occurs more than once: every grain belongs to one rank and has an id of its own",
+              static_cast<long long>(*twice));
+}
+
+}  // namespace poreslip

@@ -1,0 +1,22 @@
+// Whether a mesh is still the regular triangulation of grains that have moved.
+#pragma once
+
+#include <cstdint>
+
+#include "tessellation/domain.hpp"
+#include "tessellation/mesh.hpp"
+
+namespace poreslip {
+
+struct Certificate {
+  std::int64_t violated_facets = 0;    // facets that fail the power test
+  std::int64_t inverted_cells = 0;     // cells turned inside out
+  std::int64_t exact_tests = 0;        // tests that double precision could not decide
+  bool valid() const { return violated_facets == 0 && inverted_cells == 0; }
+};
+
+// Every cell positively oriented and every facet locally regular: then, by Delaunay's lemma, the mesh is the triangulation.
+// Over all ranks every facet with a grain is tested. A tie passes.
+Certificate certify(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls);
+
+}  // namespace poreslip

@@ -1,0 +1,34 @@
+#include <algorithm>
+#include <cmath>
+
+#include "tessellation/domain.hpp"
+
+namespace poreslip {
+
+WallSpheres make_wall_spheres(const Domain& domain, const std::vector<double>& wall_position) {
+  WallSpheres walls;
+  const std::size_t groups = wall_position.size() / 6;
+  std::array<double, 3> lower = domain.lower, upper = domain.upper;
+  for (int w = 0; w < 6; ++w) {
+    walls.present[w] = domain.has_wall(w);
+    walls.plane[w] = w % 2 == 0 ? domain.lower[w / 2] : domain.upper[w / 2];
+    if (!walls.present[w]) continue;
+    walls.plane[w] = wall_position[w];
+    for (std::size_t g = 1; g < groups; ++g) {
+      const double p = wall_position[6 * g + w];
+      walls.plane[w] = w % 2 == 0 ? std::min(walls.plane[w], p) : std::max(walls.plane[w], p);
+    }
+    (w % 2 == 0 ? lower : upper)[w / 2] = walls.plane[w];
+  }
+  double longest = 0.0;
+  for (int d = 0; d < 3; ++d) longest = std::max(longest, upper[d] - lower[d]);
+  // About 1e6 box lengths: flat to 1e-6 of the box, and its plane still resolved to 1e-10 of it.
+  walls.radius = std::ldexp(1.0, std::ilogb(longest) + 20);
+  for (int w = 0; w < 6; ++w) {
+    for (int d = 0; d < 3; ++d) walls.centre[w][d] = 0.5 * (lower[d] + upper[d]);
+    walls.centre[w][w / 2] = walls.plane[w] + (w % 2 == 0 ? -walls.radius : walls.radius);
+  }
+  return walls;
+}
+
+}  // namespace poreslip
