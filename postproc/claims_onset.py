@@ -1,0 +1,234 @@
+"""Claims about where and when slip begins: the side, the order of the cases, equal onsets, the supplement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from .claims import NOT_TESTED, REPRODUCED, Claim, Measurement, majority, untested, verdict_of
+from .onset import THRESHOLDS
+from .results import MeasuredPack, MeasuredRun
+
+HIGH_SIDE = {2: "left", 3: "right"}
+OTHER_SIDE = {"left": "right", "right": "left"}
+LEAST_RATIO = 1.5
+SMALLEST_SLIP = 1e-3
+"""Slip (in d) below which the slower side does not count as a divisor: the ratio is then "more than"."""
+
+NOT_LATER = ((1, 2), (1, 3))
+EARLIER = ((1, 4), (2, 4), (3, 4), (4, 5))
+NAMES = {"strain": ("strain", 1e3, "1e-3"), "sigma_n_Pa": ("sigma_n", 1e-6, "MPa")}
+
+
+def side_ratio(measured: MeasuredRun, high: str, strain: float) -> tuple[float, bool]:
+    """Slip of the high-pressure side over that of the other at `strain` (as measured, with the elastic part).
+
+    The second value says that the other side had not slipped SMALLEST_SLIP, so that the ratio is a lower bound.
+    """
+    history = measured.run.history
+    slips = {side: float(np.interp(strain, history["strain"], history[f"slip_{side}_m"])) for side in OTHER_SIDE}
+    sense = 1.0 if max(slips.values(), key=abs) >= 0.0 else -1.0
+    floor = SMALLEST_SLIP * measured.onsets.diameter
+    other = sense * slips[OTHER_SIDE[high]]
+    return sense * slips[high] / max(other, floor), other < floor
+
+
+def side_of_slip(pack: MeasuredPack) -> Measurement:
+    """Which side slips first in cases 2 and 3, and by how much more."""
+    parts, ratios, right_side = [], [], True
+    for number, high in HIGH_SIDE.items():
+        if number not in pack.runs:
+            continue
+        measured = pack.runs[number]
+        if measured.onsets.faster is None:
+            parts.append(f"case {number}: no slip")
+            right_side = False
+            continue
+        strain = measured.run.history["strain"]
+        half = min(0.5 * float(measured.run.case.get("loading", {}).get("horizontal_strain", strain.iloc[-1])), strain.iloc[-1])
+        words = []
+        for at in (half, float(strain.iloc[-1])):
+            ratio, bound = side_ratio(measured, high, at)
+            words.append(f"{'more than ' if bound else ''}{ratio:.3g} at strain {at * 1e3:.3g}e-3")
+            if at == half:
+                ratios.append(ratio)
+        right_side &= measured.onsets.faster == high
+        parts.append(f"case {number}: {measured.onsets.faster} side first, high pressure {high}; ratio of slips " + ", ".join(words))
+    if not parts:
+        return untested("cases 2 and 3 are not there")
+    smallest = min(ratios) if ratios else None
+    return Measurement("; ".join(parts), smallest, verdict_of(right_side and smallest is not None and smallest >= LEAST_RATIO))
+
+
+def pair_difference(pack: MeasuredPack, first: int, second: int, name: str, threshold: float) -> tuple[float, float] | None:
+    """Onset of case `second` minus that of `first` in quantity `name` at `threshold`, and its uncertainty.
+
+    The threshold is the same for both, so its choice is no part of the uncertainty.  A case that does not slip within its
+    run slips later than all others: infinite in strain; in other quantities, and at thresholds not reached, None.
+    """
+    if first not in pack.runs or second not in pack.runs:
+        return None
+    early, late = pack.runs[first].onsets.onset, pack.runs[second].onsets.onset
+    if early is not None and late is None and name == "strain":
+        return float("inf"), 0.0
+    if early is None and late is not None and name == "strain":
+        return float("-inf"), 0.0
+    if early is None or late is None or threshold not in early.at_threshold or threshold not in late.at_threshold:
+        return None
+    return (late.at_threshold[threshold][name] - early.at_threshold[threshold][name],
+            float(np.hypot(early.measurement[name], late.measurement[name])))
+
+
+def onset_list(pack: MeasuredPack, name: str) -> str:
+    """The onsets of all cases on a pack in words, e.g. "(1) 20.6 ± 0.4, (2) 22.6 ± 0.5 MPa"."""
+    _, factor, unit = NAMES[name]
+    words = []
+    for number, measured in pack.runs.items():
+        onset = measured.onsets.onset
+        words.append(f"({number}) " + ("no slip" if onset is None else
+                                       f"{onset.at[name].value * factor:.3g} ± {onset.at[name].uncertainty * factor:.2g}"))
+    return ", ".join(words) + f" {unit}"
+
+
+def order_on_pack(name: str):
+    """The claim (b) in quantity `name` on one pack."""
+
+    def judge(pack: MeasuredPack) -> Measurement:
+        failed, tested, known = [], 0, set()
+        for pairs, strict in ((NOT_LATER, False), (EARLIER, True)):
+            for first, second in pairs:
+                for threshold in THRESHOLDS:
+                    difference = pair_difference(pack, first, second, name, threshold)
+                    if difference is None:
+                        continue
+                    tested += 1
+                    known |= {first, second}
+                    value, uncertainty = difference
+                    if not (value > uncertainty if strict else value >= -uncertainty):
+                        failed.append(f"({first}) {'<' if strict else '<='} ({second}) at {threshold} d")
+        if not {1, 4, 5} <= known:
+            return untested(f"{onset_list(pack, name)}; cases 1, 4 and 5 have to be there with an onset")
+        text = onset_list(pack, name) + (f"; fails: {', '.join(failed)}" if failed else "") + f" ({tested - len(failed)} of {tested} comparisons hold)"
+        return Measurement(text, (tested - len(failed)) / tested, verdict_of(not failed))
+
+    return judge
+
+
+def order_over_packs(name: str):
+    """The claim (b) over packs: the mean of each difference within a pack against its standard error."""
+
+    def judge(packs: Sequence[MeasuredPack]) -> Measurement:
+        label, factor, unit = NAMES[name]
+        words, failed, known = [], [], set()
+        for pairs, strict in ((NOT_LATER, False), (EARLIER, True)):
+            for first, second in pairs:
+                differences = [found[0] for found in (pair_difference(pack, first, second, name, THRESHOLDS[1]) for pack in packs)
+                               if found is not None and np.isfinite(found[0])]
+                if len(differences) < 2:
+                    continue
+                known |= {first, second}
+                mean, error = float(np.mean(differences)), float(np.std(differences, ddof=1) / np.sqrt(len(differences)))
+                words.append(f"({second}) - ({first}) {mean * factor:.3g} ± {error * factor:.2g}")
+                if not (mean > error if strict else mean >= -error):
+                    failed.append(f"({first}) {'<' if strict else '<='} ({second})")
+        if not {1, 4, 5} <= known:
+            return untested("cases 1, 4 and 5 have to be there with an onset on two packs or more")
+        text = f"{label}, {unit}, mean and standard error over packs: " + ", ".join(words)
+        return Measurement(text + (f"; fails: {', '.join(failed)}" if failed else ""), None, verdict_of(not failed))
+
+    return judge
+
+
+def share_of_the_way(pack: MeasuredPack) -> str:
+    """Where cases 2 and 3 begin to slip between case 1 (0: the larger pressure rules) and case 4 (1: the mean does), in words."""
+    onsets = {number: pack.runs[number].onsets.onset for number in (1, 2, 3, 4) if number in pack.runs}
+    if len(onsets) < 4 or None in onsets.values():
+        return ""
+    words = []
+    for name, (label, _, _) in NAMES.items():
+        at = {number: onset.at[name].value for number, onset in onsets.items()}
+        if at[4] > at[1]:
+            words.append(f"{(0.5 * (at[2] + at[3]) - at[1]) / (at[4] - at[1]):.2f} in {label}")
+    return "; 2 and 3 on the way from 1 (0, maximum) to 4 (1, mean): " + ", ".join(words) if words else ""
+
+
+def equal_onsets(pack: MeasuredPack) -> Measurement:
+    """The claim (c) on one pack."""
+    onsets = {number: pack.runs[number].onsets.onset for number in (1, 2, 3) if number in pack.runs}
+    if len(onsets) < 3 or None in onsets.values():
+        return untested("cases 1, 2 and 3 have to be there with an onset")
+    at = {number: onset.at["sigma_n_Pa"] for number, onset in onsets.items()}
+    worst, text = 0.0, []
+    for first, second in combinations(at, 2):
+        difference = at[second].value - at[first].value
+        allowed = float(np.hypot(at[first].uncertainty, at[second].uncertainty))
+        worst = max(worst, abs(difference) / allowed)
+        text.append(f"({second}) - ({first}) {difference / 1e6:.2f}, uncertainty {allowed / 1e6:.2f}")
+    text.append("sigma_n - max p: " + ", ".join(f"({number}) {onset.at['sigma_n_minus_max_p_Pa'].value / 1e6:.3g}"
+                                              for number, onset in onsets.items()))
+    return Measurement("; ".join(text) + " MPa" + share_of_the_way(pack), worst, verdict_of(worst <= 1.0))
+
+
+def equal_onsets_over_packs(packs: Sequence[MeasuredPack]) -> Measurement:
+    """The claim (c) over packs."""
+    text, worst, tested = [], 0.0, 0
+    for first, second in combinations((1, 2, 3), 2):
+        differences, allowed = [], []
+        for pack in packs:
+            if first in pack.runs and second in pack.runs:
+                early, late = pack.runs[first].onsets.onset, pack.runs[second].onsets.onset
+                if early and late:
+                    differences.append(late.at["sigma_n_Pa"].value - early.at["sigma_n_Pa"].value)
+                    allowed.append(np.hypot(late.at["sigma_n_Pa"].uncertainty, early.at["sigma_n_Pa"].uncertainty))
+        if len(differences) < 2:
+            continue
+        tested += 1
+        error = 2.0 * np.std(differences, ddof=1) / np.sqrt(len(differences))
+        limit = max(float(np.mean(allowed)), float(error))
+        worst = max(worst, abs(float(np.mean(differences))) / limit)
+        text.append(f"({second}) - ({first}) {np.mean(differences) / 1e6:.2f}, limit {limit / 1e6:.2f}")
+    if tested < 3:
+        return untested("cases 1, 2 and 3 have to be there with an onset on two packs or more")
+    return Measurement("mean differences over packs: " + "; ".join(text) + " MPa", worst, verdict_of(worst <= 1.0))
+
+
+def supplement_slips(pack: MeasuredPack) -> Measurement:
+    """The claim (h) on one pack."""
+    if not ({2, 3} & set(pack.runs)) or 4 not in pack.runs:
+        return untested("case 4 and case 2 or 3 of the supplement have to be there")
+    slipped = {number: measured.onsets.faster is not None for number, measured in pack.runs.items()}
+    text = ", ".join(f"({number}) " + ("slips" if slips else "does not slip")
+                     + f" (largest {max(s.largest for s in pack.runs[number].onsets.slips.values()) * 1e6:.3g} um)"
+                     for number, slips in slipped.items())
+    holds = all(slipped[number] for number in (2, 3) if number in slipped) and not slipped[4]
+    return Measurement(text, float(holds), verdict_of(holds))
+
+
+def supplement_over_packs(packs: Sequence[MeasuredPack]) -> Measurement:
+    tested = [found for found in map(supplement_slips, packs) if found.verdict != NOT_TESTED]
+    if not tested:
+        return untested("case 4 and case 2 or 3 of the supplement have to be there")
+    held = sum(found.verdict == REPRODUCED for found in tested)
+    return Measurement(f"holds on {held} of {len(tested)} packs", held / len(tested), verdict_of(held == len(tested)))
+
+
+ONSET_CLAIMS = (
+    Claim("a", "Slip of cases 2 and 3 is on the high-pressure side", "Figs 4 and 6",
+          f"the high-pressure interface slips first in both, and at half of the case's horizontal strain it has slipped at least {LEAST_RATIO} times as far as the other",
+          side_of_slip, majority(side_of_slip, "(smaller ratio of slips)")),
+    Claim("b, strain", "Onset at the faster interface comes in the order (1) <= (2), (3) < (4) < (5) in horizontal strain", "Fig. 6",
+          "each comparison holds beyond sampling and noise at the thresholds 0.005, 0.01 and 0.02 d; over packs, beyond the standard error of the mean difference",
+          order_on_pack("strain"), order_over_packs("strain")),
+    Claim("b, sigma_n", "Onset at the faster interface comes in the order (1) <= (2), (3) < (4) < (5) in sigma_n", "Fig. 6",
+          "as for the strain", order_on_pack("sigma_n_Pa"), order_over_packs("sigma_n_Pa")),
+    Claim("c", "Cases 1, 2 and 3 begin to slip at the same sigma_n", "Fig. 6",
+          "differences within the uncertainties of the two onsets; over packs, mean differences within that or two standard errors",
+          equal_onsets, equal_onsets_over_packs),
+)
+
+SUPPLEMENT_CLAIMS = (
+    Claim("h", "Fault normal along x: cases 2 and 3 slip, case 4 with the same mean pressure does not", "Supplement",
+          "slip of 0.01 d is reached in cases 2 and 3 and not in case 4", supplement_slips, supplement_over_packs),
+)
