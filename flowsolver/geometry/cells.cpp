@@ -85,9 +85,10 @@ double solid_in_wall_cell(const CellView& cells, const GrainView& grains, std::s
 
 void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
   const double *x = grains.x, *y = grains.y, *z = grains.z;
+  const auto [vi, vj, vk, vl] = cells.vertex;
 #pragma omp simd
   for (std::size_t c = 0; c < cells.end[0]; ++c) {
-    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], k = cells.vertex[2][c], l = cells.vertex[3][c];
+    const Vertex i = vi[c], j = vj[c], k = vk[c], l = vl[c];
     const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
     const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
     const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];
@@ -112,9 +113,10 @@ void cell_volumes(const CellView& cells, const GrainView& grains, double* volume
 void pore_volumes(const CellView& cells, const GrainView& grains, double* volume) {
   cell_volumes(cells, grains, volume);
   const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+  const auto [vi, vj, vk, vl] = cells.vertex;
 #pragma omp simd
   for (std::size_t c = 0; c < cells.end[0]; ++c) {
-    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], k = cells.vertex[2][c], l = cells.vertex[3][c];
+    const Vertex i = vi[c], j = vj[c], k = vk[c], l = vl[c];
     const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
     const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
     const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];

@@ -198,9 +198,10 @@ void add_facet_forces(const FacetView& facets, const GrainView& grains, const do
 void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
                      double* perimeter) {
   const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+  const auto [va, vb, vc] = facets.vertex;
 #pragma omp simd
   for (std::size_t f = 0; f < facets.end[0]; ++f) {
-    const Vertex a = facets.vertex[0][f], b = facets.vertex[1][f], c = facets.vertex[2][f];
+    const Vertex a = va[f], b = vb[f], c = vc[f];
     const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
     const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
     const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
