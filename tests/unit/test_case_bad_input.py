@@ -41,6 +41,7 @@ BAD_FILES = {
     "box too small": ("[pack]\nbox_m = [0.08, 0.001, 0.05]\n", ["pack.box_m", "three of the largest grains"]),
     "more grains than can be numbered": ("[pack]\ndiameter_m = [1e-6, 1e-6]\n", ["pack.diameter_m", "grains"]),
     "gouge wider than the box": ("[fault]\ngouge_width_m = 0.2\n", ["fault.gouge_width_m", "narrow the gouge"]),
+    "gouge that leaves no strip of the blocks": ("[fault]\ngouge_width_m = 0.016\n", ["fault.gouge_width_m", "reaches 0.0363137 m"]),
     "gouge of one grain": ("[fault]\ngouge_width_m = 0.003\n", ["fault.gouge_width_m", "two of the largest grains"]),
     "dip that leaves by the sides": ("[fault]\ndip_degrees = 20\n", ["fault.gouge_width_m", "raise fault.dip_degrees"]),
     "upright fault compressed": ("[fault]\ndip_degrees = 90\n", ["fault.dip_degrees", "supplement"]),

@@ -160,6 +160,22 @@ def test_bad_input_on_two_ranks(poreslip: Callable, case: Path, arguments: list[
     assert ended.stderr.count("poreslip: ") == 1
 
 
+@pytest.mark.parallel
+@pytest.mark.parametrize(("late", "message"), [(2.0, "poreslip: there is no case file absent.toml"), (20.0, "(rank 1 alone)")])
+def test_the_message_comes_although_one_rank_is_late(mpirun: Callable, tmp_path: Path, late: float, message: str) -> None:
+    """mpirun ends all ranks with the first that fails, so the others wait for rank 0, but not for ever."""
+    script = tmp_path / "late.py"
+    script.write_text(
+        "import os, time\n"
+        "from coupling.command_line import main\n"
+        f"time.sleep({late} if os.environ['OMPI_COMM_WORLD_RANK'] == '0' else 0)\n"
+        "raise SystemExit(main(['run', 'absent.toml']))\n"
+    )
+    ended = mpirun(2, [script], cwd=tmp_path, timeout=60)
+    assert ended.returncode == 2
+    assert ended.stderr.count("poreslip: ") == 1 and message in ended.stderr
+
+
 FAILING = """
 import sys
 from mpi4py import MPI
