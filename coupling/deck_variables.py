@@ -1,0 +1,135 @@
+"""From a case's inputs to the `variable ... index` values of its decks."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from coupling.case_schema import RunCase
+from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
+from coupling.native import REPOSITORY
+
+#: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
+SKIN_DIAMETERS = 0.1
+#: In the packing the drag stops a free grain in this many steps: in the closed box, and while its walls let go.
+DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 2000
+#: Overlapping grains move at most this part of a diameter in a step while they are pushed apart.
+LARGEST_MOVE_DIAMETERS = 0.01
+#: Bonds may stretch to the strength this many standard deviations above the mean before the neighbour list loses them.
+STRETCH_DEVIATIONS = 6.0
+
+
+def common_variables(case: RunCase) -> dict[str, object]:
+    """Contacts and time step, the same in every stage."""
+    tangential = "history"
+    if case.bonds.enabled:
+        tangential = f'"bond stretch_max {_stretch_limit(case):.6g}"'
+    return {
+        "inputs": REPOSITORY / "liggghts-inputs",
+        "scene": case.scene,
+        "kn": case.normal_stiffness_N_per_m,
+        "kt": case.shear_stiffness_N_per_m,
+        "gamman": case.normal_damping_per_s,
+        "friction": case.material.friction,
+        "tangential": tangential,
+        "skin": SKIN_DIAMETERS * 2.0 * case.mean_radius_m,
+        "time_step": case.time_step_s,
+    }
+
+
+def _stretch_limit(case: RunCase) -> float:
+    """Longest stretch of a bond, over the distance of its grains in contact: its strength over k_n, and the gap it may start with."""
+    bonds, radius = case.bonds, case.pack.diameter_m[1] / 2.0
+    strongest = (bonds.strength_mean_Pa + STRETCH_DEVIATIONS * bonds.strength_sd_Pa) * math.pi * radius**2
+    stretch = (strongest / case.normal_stiffness_N_per_m + bonds.gap_m) / case.pack.diameter_m[0]
+    return min(max(1.1 * stretch, 0.005), 0.3)
+
+
+def pack_variables(case: RunCase, grains: Path) -> dict[str, object]:
+    """For in.pack: no friction between grains, whose packing is therefore as dense as it gets."""
+    mean_mass = case.pack.density_kg_m3 * math.pi / 6.0 * (2.0 * case.mean_radius_m) ** 3
+    length, depth, height = case.pack.box_m
+    values = common_variables(case) | {
+        "friction": case.pack.friction,
+        "grains": grains,
+        "length": length,
+        "depth": depth,
+        "height": height,
+        "periodic_z": int(case.scene == "supplement"),
+        "confining_stress": case.pack.confining_stress_Pa,
+        "largest_move": LARGEST_MOVE_DIAMETERS * 2.0 * case.mean_radius_m,
+        "drag": mean_mass / (DRAG_STEPS * case.time_step_s),
+        "release_drag": mean_mass / (RELEASE_DRAG_STEPS * case.time_step_s),
+    }
+    return values | case.pack.deck_variables
+
+
+def stress_variables(case: RunCase, before) -> dict[str, object]:
+    """For in.stress: the parts of the fault in the box that the pack's walls make."""
+    fault = fault_geometry(case, before.manifest["walls"], case.pack.box_m[2])
+    normal, half = fault.normal, 0.5 * fault.width
+    left, right = fault.centre - half * normal, fault.centre + half * normal
+    lower, upper = fault.lower, fault.upper
+    values = common_variables(case) | {
+        "restart_in": before.restart,
+        "left": lower[0], "right": upper[0], "front": lower[1], "back": upper[1], "bottom": lower[2], "top": upper[2],
+        "initial_stress": case.initial_stress_Pa,
+        "normal_x": normal[0], "normal_z": normal[2],
+        "interface_left_x": left[0], "interface_left_z": left[2],
+        "interface_right_x": right[0], "interface_right_z": right[2],
+        "end_band": case.fault.end_band_m,
+        "area_x": (upper[1] - lower[1]) * (upper[2] - lower[2]),
+    }  # fmt: skip
+    return values | {f"area_{plate[2:]}": area for plate, area in plate_areas(case, fault).items()}
+
+
+def bond_variables(case: RunCase, before) -> dict[str, object]:
+    """For in.bond: the strengths."""
+    bonds = case.bonds
+    return common_variables(case) | {
+        "restart_in": before.restart,
+        "bond_strength_mean": bonds.strength_mean_Pa,
+        "bond_strength_sd": bonds.strength_sd_Pa,
+        "bond_shear_ratio": bonds.shear_ratio,
+        "bond_gap": bonds.gap_m,
+        "bond_seed": bonds.seed,
+    }
+
+
+def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[str, object]:
+    """For in.load and in.load_supplement."""
+    values = common_variables(case) | {
+        "restart_in": restart,
+        "local_damping": case.material.local_damping,
+        "pore_force": case.flow.pore_force if case.needs_mesh else "none",
+    }
+    if case.scene == "supplement":
+        loads = case.supplement
+        values |= {"normal_stress": loads.normal_stress_Pa, "shear_stress": loads.shear_stress_Pa}
+    else:
+        values |= {
+            "wall_speed": 0.5 * case.loading.strain_rate_per_s * (fault.upper[0] - fault.lower[0]),
+            "vertical_stress": case.loading.vertical_stress_Pa,
+        }
+        values |= {f"area_{plate[2:]}": area for plate, area in plate_areas(case, fault).items()}
+    return values | case.loading.deck_variables
+
+
+def fault_geometry(case: RunCase, walls: dict[str, float], periodic_height: float) -> FaultGeometry:
+    """The fault in the box that the walls make; `periodic_height` where there are none at top and bottom."""
+    bottom, top = walls.get("z_bottom", 0.0), walls.get("z_top", periodic_height)
+    lower, upper = (walls["x_left"], walls["y_front"], bottom), (walls["x_right"], walls["y_back"], top)
+    return FaultGeometry(lower, upper, case.fault.dip_degrees, case.fault.gouge_width_m)
+
+
+def plate_areas(case: RunCase, fault: FaultGeometry) -> dict[str, float]:
+    """Area of the block face that each plate bears on, m^2, by fix id; empty without plates."""
+    if case.scene != "two_sides":
+        return {}
+    depth = fault.upper[1] - fault.lower[1]
+    heights = {"bottom": fault.lower[2], "top": fault.upper[2]}
+    return {
+        f"z_{end}_{side}": depth * fault.block_face_length(block, height)
+        for end, height in heights.items()
+        for side, block in (("left", LEFT), ("right", RIGHT))
+    }

@@ -1,0 +1,131 @@
+"""From a case file to finished runs."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+from coupling import checkpoint, stages
+from coupling.case_schema import CaseFile, RunCase
+from coupling.collective import raised_together
+from coupling.deck_variables import fault_geometry, load_variables, plate_areas
+from coupling.engine.liggghts import LiggghtsEngine
+from coupling.loading import Ending, Loading
+from coupling.measures import Measures
+from coupling.output import RunOutput, write_atomically
+from coupling.phases import Phases
+from coupling.plan import plan
+from coupling.pore_pressure import PrescribedPressure
+from coupling.progress import Progress
+from coupling.report import write_report
+from coupling.run_options import RunOptions
+from coupling.walls import SceneWalls, wall_positions
+
+
+def run_case_file(case_file: CaseFile, options: RunOptions) -> int:
+    """Run every run of a case file, one after the other; return the exit status, the same on all ranks."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    if options.dry_run:
+        if comm.rank == 0:
+            print(plan(case_file, comm.size))
+        return 0
+    base = options.output_root / case_file.stem
+    if options.restart is None:
+        with raised_together(comm):
+            if comm.rank == 0:
+                base.mkdir(parents=True, exist_ok=True)
+                names = {"case": case_file.stem, "runs": [run.name for run in case_file.runs], "seed": [run.pack.seed for run in case_file.runs]}
+                write_atomically(base / "runs.json", json.dumps(names, indent=2) + "\n")
+    for run in case_file.runs:
+        ending = Run(run, options.restart or base / run.name, comm).carry_out(restart=options.restart is not None)
+        if ending.signal:
+            return 128 + ending.signal
+    return 0
+
+
+class Run:
+    """One run: its stages, its loading, its report."""
+
+    def __init__(self, case: RunCase, directory: Path, comm):
+        self.case, self.directory, self.comm = case, directory, comm
+        self.phases = Phases()
+
+    def carry_out(self, restart: bool) -> Ending:
+        """Run from the start, or from the newest checkpoint of the directory; collective."""
+        case, comm = self.case, self.comm
+        started = time.time()
+        state = restart_file = None
+        if restart:
+            with raised_together(comm):
+                restart_file, state = checkpoint.read(self.directory, case, comm.size)
+        with self.phases.timed("stages"):
+            stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
+        fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
+        walls = SceneWalls(case.scene, fault.lower, fault.upper, plate_areas(case, fault))
+
+        output = None
+        with raised_together(comm):
+            output = RunOutput(self.directory, comm, state["tables"] if state else None)
+        output.json("case.json", case.to_dict())
+        engine = LiggghtsEngine(comm, self.directory / "log.liggghts")
+        with self.phases.timed("engine"):
+            engine.deck(stages.load_deck(case), load_variables(case, restart_file or stage.restart, fault))
+        if state is None:
+            state = self._initial_state(engine, fault, walls)
+        flow = self._flow(engine, fault, walls)
+        measures = Measures(case, fault, walls, state["reference"])
+        measures.reset_rate(tuple(state["previous"]) if state["previous"] else None)
+        snapshots = self._snapshots(state["step"] if restart else None)
+        loading = Loading(case, engine, comm, flow, measures, output, snapshots, self.phases, state)
+        progress = Progress(case.name, shown=comm.rank == 0)
+        ending = loading.run(progress)
+        progress.finish(f"{ending.reason}; {self.directory}/history.csv")
+        write_report(case, comm, output, stage, state, loading, flow, engine, ending, self.phases, time.time() - started)
+        output.close()
+        engine.close()
+        return ending
+
+    def _initial_state(self, engine, fault, walls) -> dict:
+        """The driver's state when loading begins: nothing broken yet, and what later strains refer to."""
+        engine.command("reset_timestep 0")
+        engine.property_atom("reference_position")[:] = engine.unwrapped_position()
+        positions = wall_positions(engine, walls.plates)
+        reference = {"length": positions["x_right"] - positions["x_left"]}
+        if walls.periodic_z:
+            reference["height"] = fault.upper[2] - fault.lower[2]
+        else:
+            sides = [positions[f"z_top_{side}"] - positions[f"z_bottom_{side}"] for side in ("left", "right")]
+            reference["height"] = 0.5 * sum(sides)
+        solid = self.comm.allreduce(fault.solid_fraction(engine.atom("x"), engine.atom("radius")))
+        reference["porosity_gouge"] = 1.0 - solid
+        return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}}
+
+    def _flow(self, engine, fault, walls):
+        from coupling import exchange
+
+        if not self.case.needs_mesh:
+            return exchange.Dry()
+        pressure = PrescribedPressure(self.case, fault)
+        return exchange.PrescribedFlow(self.case, engine, self.comm, walls, pressure, fault.lower, fault.upper, self.phases)
+
+    def _snapshots(self, resume_step: int | None):
+        count, steps = self.case.output.snapshots, self.case.loading_steps
+        if count == 0:
+            return NoSnapshots()
+        from coupling.snapshots import Snapshots
+
+        wanted = {round(k * steps / max(count - 1, 1)) for k in range(count)}
+        return Snapshots(self.directory, self.comm, wanted, resume_step)
+
+    def _tell(self, text: str) -> None:
+        if self.comm.rank == 0:
+            print(f"{self.case.name}  {text}", flush=True)
+
+
+class NoSnapshots:
+    """A run that asks for no snapshots: nothing is imported or written."""
+
+    steps: frozenset[int] = frozenset()

@@ -1,0 +1,1 @@
+"""The DEM engines, behind one interface."""

@@ -1,0 +1,133 @@
+"""What a line of the history holds: stresses on the walls, slip on the interfaces, contacts, balance of forces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from coupling.case_schema import RunCase
+from coupling.engine.interface import Engine
+from coupling.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry
+from coupling.walls import SceneWalls
+
+#: Width of the bands on either side of an interface whose mean displacements give its slip, in mean diameters.
+BAND_DIAMETERS = 1.5
+
+HISTORY_COLUMNS = (
+    "step", "time_s", "strain", "vertical_strain", "sigma_h_left_Pa", "sigma_h_right_Pa", "sigma_v_Pa", "sigma_n_Pa",
+    "p_left_Pa", "p_right_Pa", "vertical_strain_rate_per_s", "slip_left_m", "slip_right_m", "bonds_intact",
+    "bonds_broken_tension", "bonds_broken_shear", "coordination_gouge", "contacts_gouge", "porosity_gouge",
+    "contact_force_mean_N", "contact_force_max_N", "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds",
+    "overlap_max_over_d", "inertial_number",
+)  # fmt: skip
+
+
+class Measures:
+    """Measures of a run, against its state when loading began.
+
+    A grain's reference position travels with it in the deck's `fix reference_position`; only sums cross the ranks.
+    """
+
+    def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
+        self._case = case
+        self._fault = fault
+        self._walls = walls
+        self._reference = reference
+        self._band = BAND_DIAMETERS * 2.0 * case.mean_radius_m
+        self._previous: tuple[float, float] | None = None
+
+    def row(self, engine: Engine, comm, time: float, pressures: tuple[float, float], broken: tuple[int, int], rebuilds: int) -> dict[str, float]:
+        """One line of the history, the same on all ranks; keys are HISTORY_COLUMNS."""
+        row: dict[str, float] = {"step": engine.step, "time_s": time, "p_left_Pa": pressures[0], "p_right_Pa": pressures[1]}
+        row |= self._stresses(engine)
+        row |= self._grains(engine, comm)
+        row["bonds_broken_tension"], row["bonds_broken_shear"] = broken
+        row["mesh_rebuilds"] = rebuilds
+        row["vertical_strain_rate_per_s"] = self._rate(time, row["vertical_strain"])
+        mean_stress = 0.5 * (abs(row["sigma_h_left_Pa"] + row["sigma_h_right_Pa"]) / 2 + abs(row["sigma_v_Pa"]))
+        rate = max(abs(self._case.loading.strain_rate_per_s), abs(row["vertical_strain_rate_per_s"]))
+        # I = shear rate * d / sqrt(stress / density): below 1e-3 the pack is quasi-static (GDR MiDi 2004).
+        row["inertial_number"] = rate * 2 * self._case.mean_radius_m * math.sqrt(self._case.pack.density_kg_m3 / max(mean_stress, 1.0))
+        return {name: row[name] for name in HISTORY_COLUMNS}
+
+    def reset_rate(self, previous: tuple[float, float] | None) -> None:
+        """Continue the vertical strain rate from (time, vertical strain) of the line before a checkpoint."""
+        self._previous = previous
+
+    @property
+    def previous(self) -> tuple[float, float] | None:
+        """(time, vertical strain) of the last line."""
+        return self._previous
+
+    def _rate(self, time: float, vertical_strain: float) -> float:
+        before, self._previous = self._previous, (time, vertical_strain)
+        if before is None or time == before[0]:
+            return 0.0
+        return (vertical_strain - before[1]) / (time - before[0])
+
+    def _stresses(self, engine: Engine) -> dict[str, float]:
+        state = self._walls.states(engine)
+        stresses = self._walls.stresses(state)
+        horizontal = 0.5 * (stresses.left + stresses.right)
+        # The mean stress plus half the difference times cos 2 alpha (paper, II.E), alpha from the x axis to the fault's normal.
+        across_x, _, across_z = self._fault.normal**2
+        normal = across_x * horizontal + across_z * stresses.vertical
+        return {
+            "strain": 1.0 - stresses.length / self._reference["length"],
+            "vertical_strain": stresses.height / self._reference["height"] - 1.0,
+            "sigma_h_left_Pa": stresses.left,
+            "sigma_h_right_Pa": stresses.right,
+            "sigma_v_Pa": stresses.vertical,
+            "sigma_n_Pa": normal,
+        }
+
+    def _grains(self, engine: Engine, comm) -> dict[str, float]:
+        from mpi4py import MPI
+
+        kind, mass = engine.atom("type"), engine.atom("rmass")
+        reference = engine.property_atom("reference_position")
+        displacement = engine.unwrapped_position() - reference
+        across = self._fault.across(reference)
+        along, opening = displacement @ self._fault.tangent, displacement @ self._fault.normal
+        half = 0.5 * self._fault.width
+        bands = (
+            (kind == LEFT) & (across > -half - self._band), (kind == GOUGE) & (across < -half + self._band),
+            (kind == GOUGE) & (across > half - self._band), (kind == RIGHT) & (across < half + self._band),
+        )  # fmt: skip
+        velocity, force = engine.atom("v"), engine.atom("f")
+        free = (engine.atom("mask") & self._walls.held_bit(engine)) == 0
+        contacts = engine.contacts()
+        in_gouge = (contacts.type == GOUGE).any(axis=1)
+        gouge_ends = (contacts.type == GOUGE).sum()
+        size = np.hypot(contacts.normal_force, np.linalg.norm(contacts.shear_force, axis=1))
+        sums = [
+            *(x for band in bands for x in (band.sum(), along[band].sum(), opening[band].sum())),
+            0.5 * float(mass @ (velocity**2).sum(axis=1)),
+            np.linalg.norm(force[free], axis=1).sum(), free.sum(),
+            size.sum(), len(size), size[in_gouge].sum(), in_gouge.sum(), gouge_ends, (kind == GOUGE).sum(), engine.intact_bonds(),
+        ]  # fmt: skip
+        total = np.array(sums, dtype=float)
+        comm.Allreduce(MPI.IN_PLACE, total, op=MPI.SUM)
+        largest = np.array([size[in_gouge].max(initial=0.0), contacts.overlap.max(initial=0.0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+
+        count, slide, open_ = total[0:12:3], total[1:12:3], total[2:12:3]
+        slide, open_ = slide / np.maximum(count, 1), open_ / np.maximum(count, 1)
+        kinetic, unbalanced, free_count, force_sum, contact_count, gouge_sum, gouge_contacts, ends, gouge_grains, intact = total[12:]
+        mean_force = force_sum / max(contact_count, 1.0)
+        widening = open_[3] - open_[0]
+        solid = (1.0 - self._reference["porosity_gouge"]) * self._fault.width / (self._fault.width + widening)
+        return {
+            "slip_left_m": slide[0] - slide[1],
+            "slip_right_m": slide[2] - slide[3],
+            "bonds_intact": int(intact),
+            "coordination_gouge": ends / max(gouge_grains, 1.0),
+            "contacts_gouge": int(gouge_contacts),
+            "porosity_gouge": 1.0 - solid,
+            "contact_force_mean_N": gouge_sum / max(gouge_contacts, 1.0),
+            "contact_force_max_N": largest[0],
+            "unbalanced_force_ratio": unbalanced / max(free_count, 1.0) / mean_force if mean_force > 0 else 0.0,
+            "kinetic_energy_J": kinetic,
+            "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
+        }

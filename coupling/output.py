@@ -1,0 +1,94 @@
+"""Everything that a run writes into its directory goes through here."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+from coupling.errors import InputError
+from coupling.measures import HISTORY_COLUMNS
+
+BOND_COLUMNS = ("step", "strain", "id_i", "id_j", "mode", "x_m", "y_m", "z_m", "force_normal_N", "force_shear_N", "energy_J")
+BREAK_MODES = {1: "tension", 2: "shear"}
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a file in one step, so that it is never seen half written, not after a kill either."""
+    partial = path.with_name(path.name + ".partial")
+    with open(partial, "w") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(partial, path)
+
+
+class RunOutput:
+    """The files of one run. Only rank 0 writes; calls are made on all ranks.
+
+    resume: byte lengths of the tables at the checkpoint that the run continues from; lines past them are cut off.
+    """
+
+    def __init__(self, directory: Path, comm, resume: dict[str, int] | None = None):
+        self.directory = directory
+        self._writes = comm.rank == 0
+        self._tables: dict[str, io.TextIOWrapper] = {}
+        if not self._writes:
+            return
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, columns in (("history.csv", HISTORY_COLUMNS), ("bonds.csv", BOND_COLUMNS)):
+            path = directory / name
+            if resume is not None:
+                if not path.is_file() or path.stat().st_size < resume[name]:
+                    raise InputError(
+                        f"{path} is shorter than when the checkpoint was written ({resume[name]} bytes); put the file back, or run the case from its start")
+                os.truncate(path, resume[name])
+            file = open(path, "a" if resume is not None else "w", newline="")
+            self._tables[name] = file
+            if resume is None:
+                csv.writer(file, lineterminator="\n").writerow(columns)
+                file.flush()
+
+    def history(self, row: dict[str, float]) -> None:
+        """Append a line to history.csv."""
+        if self._writes:
+            self._append("history.csv", [[_number(row[name]) for name in HISTORY_COLUMNS]])
+
+    def breaks(self, rows: np.ndarray, strain: float) -> None:
+        """Append broken bonds, (n, 10) float64: step, id_i, id_j, mode, x, y, z, F_n, F_s, energy."""
+        if self._writes and len(rows):
+            self._append("bonds.csv", [[int(r[0]), _number(strain), int(r[1]), int(r[2]), BREAK_MODES[int(r[3])], *(_number(v) for v in r[4:])] for r in rows])
+
+    def json(self, name: str, content: dict) -> None:
+        """Write one JSON file."""
+        if self._writes:
+            write_atomically(self.directory / name, json.dumps(content, indent=2) + "\n")
+
+    def text(self, name: str, content: str) -> None:
+        """Write one text file."""
+        if self._writes:
+            write_atomically(self.directory / name, content)
+
+    def lengths(self) -> dict[str, int]:
+        """Byte lengths of the tables, all of it on disk; empty on ranks that do not write."""
+        for file in self._tables.values():
+            file.flush()
+            os.fsync(file.fileno())
+        return {name: os.fstat(file.fileno()).st_size for name, file in self._tables.items()}
+
+    def close(self) -> None:
+        for file in self._tables.values():
+            file.close()
+
+    def _append(self, name: str, rows: list[list]) -> None:
+        file = self._tables[name]
+        csv.writer(file, lineterminator="\n").writerows(rows)
+        file.flush()
+
+
+def _number(value: float) -> str | int:
+    return int(value) if isinstance(value, (int, np.integer)) else f"{value:.10g}"
