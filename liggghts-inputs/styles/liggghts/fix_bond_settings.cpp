@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cstring>
-#include <vector>
+#include <type_traits>
+#include <unordered_map>
 
 #include "arguments.h"
 #include "atom.h"
@@ -19,6 +20,8 @@
 namespace poreslip {
 
 namespace {
+
+static_assert(std::is_trivially_copyable_v<BrokenPair>);  // sent and stored as bytes
 
 bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
 bool not_negative_or_infinite(double value) { return value >= 0.0; }
@@ -139,40 +142,44 @@ void FixBondSettings::check_gap() const
 // Neighbour lists are about to be built: the contact histories stand in the per-grain partner lists.
 void FixBondSettings::pre_neighbor()
 {
-  share_broken_pairs();
-  align_copies();
+  const std::vector<BrokenPair> broken = gather_newly_broken();
+  state_.newly_broken.clear();
+  if (broken.empty()) return;
+  for (const BrokenPair &pair : broken) state_.broken_pairs.insert(pair.key);
+  align_copies(broken);
 }
 
-void FixBondSettings::share_broken_pairs()
+// Those of all ranks, on every rank.
+std::vector<BrokenPair> FixBondSettings::gather_newly_broken() const
 {
-  static_assert(sizeof(BrokenPair) == 2 * sizeof(std::uint64_t));
-  const int mine = 2 * static_cast<int>(state_.newly_broken.size());
-  std::vector<int> counts(comm->nprocs), starts(comm->nprocs, 0);
-  MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, world);
-  for (int r = 1; r < comm->nprocs; ++r) starts[r] = starts[r - 1] + counts[r - 1];
-  const int total = starts.back() + counts.back();
-  if (total == 0) return;
-  std::vector<BrokenPair> all(total / 2);
-  MPI_Allgatherv(state_.newly_broken.data(), mine, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
-                 MPI_UINT64_T, world);
-  state_.newly_broken.clear();
-  for (const BrokenPair &pair : all) state_.broken_pairs.emplace(pair.key, pair.state);
+  const int mine = static_cast<int>(state_.newly_broken.size() * sizeof(BrokenPair));
+  std::vector<int> bytes(comm->nprocs), starts(comm->nprocs, 0);
+  MPI_Allgather(&mine, 1, MPI_INT, bytes.data(), 1, MPI_INT, world);
+  for (int r = 1; r < comm->nprocs; ++r) starts[r] = starts[r - 1] + bytes[r - 1];
+  std::vector<BrokenPair> all((starts.back() + bytes.back()) / sizeof(BrokenPair));
+  if (!all.empty())
+    MPI_Allgatherv(state_.newly_broken.data(), mine, MPI_BYTE, all.data(), bytes.data(), starts.data(), MPI_BYTE, world);
+  return all;
 }
 
 // A contact across a periodic face is kept twice, with positions that differ in the last bit, so that
-// one copy of a bond could break a step before the other. After this, both are broken.
-void FixBondSettings::align_copies()
+// one copy of a bond can break some steps before the other. After this, both are broken.
+void FixBondSettings::align_copies(const std::vector<BrokenPair> &broken)
 {
-  if (state_.broken_pairs.empty()) return;
-  auto *pair = static_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
-  LAMMPS_NS::FixContactHistory *histories = pair->get_fix_history();
-  const int offset = pair->get_history_offset("bond");
+  std::unordered_map<std::uint64_t, const BrokenPair *> by_key;
+  for (const BrokenPair &pair : broken) by_key[pair.key] = &pair;
+  auto *style = static_cast<LAMMPS_NS::PairGranProxy *>(force->pair);
+  LAMMPS_NS::FixContactHistory *histories = style->get_fix_history();
+  const int offset = style->get_history_offset("bond");
   for (int i = 0; i < atom->nlocal; ++i) {
     for (int n = 0; n < histories->n_partner(i); ++n) {
       double *const history = histories->contacthistory(i, n) + offset;
       if (!is_bonded(history)) continue;
-      const auto found = state_.broken_pairs.find(pair_key(atom->tag[i], histories->partner(i, n)));
-      if (found != state_.broken_pairs.end()) set_bond_state(history, static_cast<laws::BondState>(found->second));
+      const int partner = histories->partner(i, n);
+      const auto found = by_key.find(pair_key(atom->tag[i], partner));
+      if (found == by_key.end()) continue;
+      set_bond_state(history, static_cast<laws::BondState>(found->second->state));
+      if (atom->tag[i] < partner) state_.record_break(found->second->row);  // the counted copy
     }
   }
 }
@@ -197,34 +204,57 @@ double FixBondSettings::compute_vector(int column)
   return total;
 }
 
-void FixBondSettings::write_restart(FILE *file)
+namespace {
+
+template <class Item>
+void write_items(FILE *file, const std::vector<Item> &items)
 {
-  double totals[4];
-  for (int column = 1; column <= 4; ++column) totals[column - 1] = compute_vector(column);
-  share_broken_pairs();
-  if (comm->me != 0) return;
-  std::vector<BrokenPair> broken;
-  for (const auto &[key, state] : state_.broken_pairs) broken.push_back({key, state});
-  const std::uint64_t number = broken.size();
-  const int bytes = static_cast<int>(sizeof totals + sizeof number + number * sizeof(BrokenPair));
-  fwrite(&bytes, sizeof bytes, 1, file);
-  fwrite(totals, sizeof totals, 1, file);
+  const std::uint64_t number = items.size();
   fwrite(&number, sizeof number, 1, file);
-  fwrite(broken.data(), sizeof(BrokenPair), number, file);
+  fwrite(items.data(), sizeof(Item), number, file);
 }
 
-// Counts are sums over ranks: the first rank takes them all.
-void FixBondSettings::restart(char *data)
+template <class Item>
+std::vector<Item> read_items(const char *&data)
 {
-  double totals[4];
   std::uint64_t number = 0;
-  std::memcpy(totals, data, sizeof totals);
-  std::memcpy(&number, data + sizeof totals, sizeof number);
-  std::vector<BrokenPair> broken(number);
-  std::memcpy(broken.data(), data + sizeof totals + sizeof number, number * sizeof(BrokenPair));
-  state_.counts = comm->me == 0 ? BondCounts{totals[0], totals[1], totals[2], totals[3]} : BondCounts{};
-  state_.broken_pairs.clear();
-  for (const BrokenPair &pair : broken) state_.broken_pairs.emplace(pair.key, pair.state);
+  std::memcpy(&number, data, sizeof number);
+  data += sizeof number;
+  std::vector<Item> items(number);
+  std::memcpy(items.data(), data, number * sizeof(Item));
+  data += number * sizeof(Item);
+  return items;
+}
+
+}  // namespace
+
+void FixBondSettings::write_restart(FILE *file)
+{
+  std::vector<double> totals;
+  for (int column = 1; column <= 4; ++column) totals.push_back(compute_vector(column));
+  const std::vector<BrokenPair> pending = gather_newly_broken();
+  if (comm->me != 0) return;
+  const std::vector<std::uint64_t> keys(state_.broken_pairs.begin(), state_.broken_pairs.end());
+  const std::size_t bytes = 3 * sizeof(std::uint64_t) + totals.size() * sizeof(double) +
+                            keys.size() * sizeof(std::uint64_t) + pending.size() * sizeof(BrokenPair);
+  const int header = static_cast<int>(bytes);
+  fwrite(&header, sizeof header, 1, file);
+  write_items(file, totals);
+  write_items(file, keys);
+  write_items(file, pending);
+}
+
+// Counts are sums over ranks and what is pending is to be told to all: the first rank takes them.
+void FixBondSettings::restart(char *buffer)
+{
+  const char *data = buffer;
+  const auto totals = read_items<double>(data);
+  const auto keys = read_items<std::uint64_t>(data);
+  const auto pending = read_items<BrokenPair>(data);
+  const bool first = comm->me == 0;
+  state_.counts = first ? BondCounts{totals[0], totals[1], totals[2], totals[3]} : BondCounts{};
+  state_.broken_pairs = {keys.begin(), keys.end()};
+  state_.newly_broken = first ? pending : std::vector<BrokenPair>{};
 }
 
 }  // namespace poreslip

@@ -2,6 +2,8 @@
 //   [gap G] types I J [K L ...] armed yes|no
 #pragma once
 
+#include <vector>
+
 #include "fix.h"
 #include "instance_state.h"
 
@@ -24,8 +26,8 @@ class FixBondSettings : public LAMMPS_NS::Fix {
 
  private:
   void read_types(class Arguments &arguments);
-  void share_broken_pairs();
-  void align_copies();
+  std::vector<BrokenPair> gather_newly_broken() const;
+  void align_copies(const std::vector<BrokenPair> &broken);
   void check_gap() const;
 
   InstanceState &state_;

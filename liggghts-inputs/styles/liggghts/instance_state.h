@@ -3,7 +3,7 @@
 
 #include <array>
 #include <cstdint>
-#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "../laws/bond_strength.h"
@@ -42,6 +42,7 @@ struct BondCounts {
 struct BrokenPair {
   std::uint64_t key;
   std::uint64_t state;  // laws::BondState
+  BreakRow row;
 };
 
 struct InstanceState {
@@ -49,8 +50,15 @@ struct InstanceState {
   double stretch_max = 0.0;  // of the pair style
   BondCounts counts;
   std::vector<BreakRow> breaks;
-  std::unordered_map<std::uint64_t, std::uint64_t> broken_pairs;  // key to state, never bonded again; on all ranks
-  std::vector<BrokenPair> newly_broken;                           // seen on this rank, not yet told to the others
+  std::unordered_set<std::uint64_t> broken_pairs;  // never bonded again; known to all ranks
+  std::vector<BrokenPair> newly_broken;            // seen on this rank, not yet told to the others
+
+  // For the copy of the contact that is counted.
+  void record_break(const BreakRow &row)
+  {
+    breaks.push_back(row);
+    (row[break_mode] == 1.0 ? counts.broken_in_tension : counts.broken_in_shear) += 1.0;
+  }
 };
 
 // Pair of ids in one word, lower id in the upper half.

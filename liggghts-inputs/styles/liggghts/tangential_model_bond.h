@@ -196,13 +196,14 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
     const laws::BondState after = laws::bond_state_under(limits, normal_force, shear_force);
     if (after == laws::BondState::bonded) return true;
     set_bond_state(history, after);
-    state_.newly_broken.push_back({pair_key(atom->tag[data.i], atom->tag[data.j]), static_cast<std::uint64_t>(after)});
-    if (counted_here(data)) log_break(data, overlap, springs, normal_force, shear_force, after);
+    const BreakRow row = break_row(data, overlap, springs, normal_force, shear_force, after);
+    state_.newly_broken.push_back({pair_key(atom->tag[data.i], atom->tag[data.j]), static_cast<std::uint64_t>(after), row});
+    if (counted_here(data)) state_.record_break(row);
     return false;
   }
 
-  void log_break(const SurfacesIntersectData &data, double overlap, const Springs &springs, double normal_force,
-                 double shear_force, poreslip::laws::BondState after)
+  poreslip::BreakRow break_row(const SurfacesIntersectData &data, double overlap, const Springs &springs,
+                               double normal_force, double shear_force, poreslip::laws::BondState after) const
   {
     using namespace poreslip;
     const double friction = friction_[data.itype][data.jtype];
@@ -210,14 +211,11 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
     const double shear_after = overlap > 0.0 ? std::fmin(shear_force, friction * std::fabs(data.Fn)) : 0.0;
     const double *const x = atom->x[data.i];
     const int id_i = atom->tag[data.i], id_j = atom->tag[data.j];
-    const bool in_tension = after == laws::BondState::broken_in_tension;
-    (in_tension ? state_.counts.broken_in_tension : state_.counts.broken_in_shear) += 1.0;
-    state_.breaks.push_back({static_cast<double>(update->ntimestep), static_cast<double>(std::min(id_i, id_j)),
-                             static_cast<double>(std::max(id_i, id_j)), in_tension ? 1.0 : 2.0,
-                             x[0] - data.cri * data.en[0], x[1] - data.cri * data.en[1],
-                             x[2] - data.cri * data.en[2], normal_force, shear_force,
-                             laws::spring_energy(springs, normal_force, shear_force) -
-                                 laws::spring_energy(springs, normal_after, shear_after)});
+    return {static_cast<double>(update->ntimestep), static_cast<double>(std::min(id_i, id_j)),
+            static_cast<double>(std::max(id_i, id_j)), after == laws::BondState::broken_in_tension ? 1.0 : 2.0,
+            x[0] - data.cri * data.en[0], x[1] - data.cri * data.en[1], x[2] - data.cri * data.en[2], normal_force,
+            shear_force, laws::spring_energy(springs, normal_force, shear_force) -
+                             laws::spring_energy(springs, normal_after, shear_after)};
   }
 
   // A parted contact has no shear. One that was bonded stays in the history, to be known as broken.
