@@ -33,8 +33,8 @@ CASE_STYLE: dict[int, dict[str, object]] = {
 }
 CASE_MARKER = {1: "o", 2: "<", 3: ">", 4: "s", 5: "D"}
 CASE_WORDS = {1: "(1) both sides", 2: "(2) left only", 3: "(3) right only", 4: "(4) half on both", 5: "(5) dry"}
-PART_COLOUR = {1: "#7fb3d5", 2: "#f2e2b6", 3: "#e59866"}
-"""Left block, gouge, right block; their grey values differ."""
+PART_COLOUR = {1: "#7fb3d5", 2: "#f2e2b6", 3: "#c8703a"}
+"""Left block, gouge, right block: grey values of 0.65, 0.89 and 0.52."""
 
 MEGA = 1e-6
 

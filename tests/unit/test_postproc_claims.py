@@ -74,6 +74,9 @@ def test_collapse_says_when_it_cannot_tell_the_maximum_from_the_mean(tmp_path: P
     found = [finding for finding in findings_of(measure(sort_runs(find_runs([by_mean])[0]))) if finding.claim in ("c", "d")]
     assert "2 and 3 on the way from 1 (0, maximum) to 4 (1, mean): 1.00 in strain" in found[0].figure
     assert "does not tell the maximum from the mean" in found[1].figure
+    # where the maximum rules, the number for the mean's rule is still that of runs which follow it
+    by_max = collapse_of(write_onsets(tmp_path / "max", synthetic.ONSETS))["sigma_n_minus_max_p_Pa"]
+    assert by_max.if_mean_ruled == pytest.approx(number.number, rel=0.05) and by_max.if_mean_ruled > 1.5 * by_max.number
 
 
 def test_collapse_number_by_hand(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -180,3 +181,9 @@ def test_snapshots_are_read_and_damage_in_them_is_named(tmp_path: Path, capsys: 
     with pytest.raises(MissingFile, match="grains_3000.vtu"):
         read_grains(run, -1)
     assert main([str(directory), "--no-snapshots", "--dpi", "50"]) == 0
+
+
+def test_postprocessing_stands_alone() -> None:
+    command = "import postproc.command_line, sys; print(sorted({name.split('.')[0] for name in sys.modules} & {'coupling', 'flowsolver', 'mpi4py'}))"
+    shown = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
+    assert shown.stdout.strip() == "[]"
