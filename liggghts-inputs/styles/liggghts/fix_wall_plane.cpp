@@ -78,7 +78,6 @@ FixWallPlane::FixWallPlane(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) : Fix(l
   size_vector = state_columns;
   global_freq = 1;
   extvector = 0;
-  time_depend = 1;
 }
 
 std::string FixWallPlane::command() const { return std::string("fix ") + id + " wall/plane"; }
