@@ -123,13 +123,16 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
     if (close.contact_history == nullptr) return;
     double *const history = &close.contact_history[offset_];
     const bool update_history = close.computeflag && close.shearupdate;
-    const double distance = std::sqrt(close.rsq);
-    const double overlap = close.radsum - distance;
-    if (update_history && -overlap <= state_.arming.gap) bond_if_armed(close, overlap, history);
+    if (update_history && state_.arming.armed) {
+      const double overlap = close.radsum - std::sqrt(close.rsq);
+      if (-overlap <= state_.arming.gap) bond_if_armed(close, overlap, history);
+    }
     if (!poreslip::is_bonded(history)) {
       if (update_history) forget_shear(close, history);
       return;
     }
+    const double distance = std::sqrt(close.rsq);
+    const double overlap = close.radsum - distance;
     refuse_overstretched(close, overlap);
     if (close.contact_flags) *close.contact_flags |= CONTACT_TANGENTIAL_MODEL;
 
@@ -221,7 +224,8 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
   // A parted contact has no shear. One that was bonded stays in the history, to be known as broken.
   void forget_shear(SurfacesCloseData &close, double *history) const
   {
-    for (int c = 0; c < 3; ++c) history[poreslip::bond_shear_x + c] = 0.0;
+    double *const shear = &history[poreslip::bond_shear_x];
+    if (shear[0] != 0.0 || shear[1] != 0.0 || shear[2] != 0.0) shear[0] = shear[1] = shear[2] = 0.0;
     const bool once_bonded = poreslip::bond_state(history) != poreslip::laws::BondState::never_bonded;
     if (close.contact_flags) *close.contact_flags = once_bonded ? CONTACT_NORMAL_MODEL : 0;
   }
