@@ -191,6 +191,24 @@ class PoreNetwork:
         self._native.agree(faults[0] if faults else "")
         return self._native.forces(pressures, law)
 
+    def volume_rate(self, velocity: ArrayLike, wall_velocity: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Rate of change of each pore's volume, (m,) float64, m^3/s.
+
+        From the same coefficients as `forces(law="total")`: the work that grains and walls gain is what the fluid loses.
+
+        Parameters
+        ----------
+        velocity : (n, 3) float64, m/s, in the order of the last update
+        wall_velocity : (G, 6) float64, m/s, outward, optional
+            Speed of each wall by group. Default: walls at rest.
+        """
+        faults: list[str] = []
+        velocities = _array("velocity", velocity, np.float64, (self._native.grains, 3), faults)
+        shape = (self._native.groups, 6)
+        walls = np.zeros(shape) if wall_velocity is None else _array("wall_velocity", wall_velocity, np.float64, shape, faults)
+        self._native.agree(faults[0] if faults else "")
+        return self._native.volume_rate(velocities, walls)
+
     def report(self) -> dict[str, Any]:
         """Counts over all ranks (grains, pores, throats, hidden_grains, kept, rebuilt, exact_tests of the last certificate),
         the halo's width in m, and this rank's seconds by phase (tessellate, certify, geometry, forces)."""

@@ -72,6 +72,7 @@ NB_MODULE(poreslip_network, m) {
           "m, the same on all ranks. Returns \"kept\" or \"rebuilt\", the same on all ranks.")
       .def_prop_ro("pores", &PoreNetwork::pores, "Number of cells that touch this rank's grains (local).")
       .def_prop_ro("throats", &PoreNetwork::throats, "Number of facets that touch this rank's grains (local).")
+      .def_prop_ro("groups", &PoreNetwork::groups, "Rows of wall_position of the last update.")
       .def_prop_ro("grains", &PoreNetwork::grains, "Number of grains of this rank's last update (local).")
       .def(
           "owned",
@@ -170,6 +171,16 @@ NB_MODULE(poreslip_network, m) {
           nb::arg("pressure"), nb::arg("law"),
           "pressure (m,) float64, Pa; law \"total\" or \"pressure\". Returns force (n, 3) float64, N, in the order of the last "
           "update, and wall_force (G, 6) float64, N, outward, summed over ranks.")
+      .def(
+          "volume_rate",
+          [](PoreNetwork& self, In<double, nb::shape<-1, 3>> velocity, In<double, nb::shape<-1, 6>> wall_velocity) {
+            auto out = new_array<double>({self.pores()});
+            self.volume_rate(velocity.data(), wall_velocity.data(), out.data());
+            return out;
+          },
+          nb::arg("velocity"), nb::arg("wall_velocity"),
+          "velocity (n, 3) float64, m/s, in the order of the last update; wall_velocity (G, 6) float64, m/s, outward. Returns "
+          "(m,) float64, m^3/s: rate of change of each pore's volume, from the coefficients of the forces (\"total\").")
       .def(
           "report",
           [](const PoreNetwork& self) {

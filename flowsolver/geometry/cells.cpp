@@ -81,6 +81,32 @@ double solid_in_wall_cell(const CellView& cells, const GrainView& grains, std::s
   return solid;
 }
 
+// Calls visit(cell, grain, wall, dV/dgap) for every gap of every cell; gradients in m^2.
+template <class Visit>
+void for_each_gap_gradient(const CellView& cells, const GrainView& grains, Visit visit) {
+  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
+    const double third = prism_projection(cells, grains, c) / 6.0;
+    for (int k = 0; k < 3; ++k) visit(c, cells.vertex[k][c], cells.vertex[3][c], third);
+  }
+  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
+    const Wedge w = wedge(cells, grains, c);
+    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], w1 = cells.vertex[2][c], w2 = cells.vertex[3][c];
+    visit(c, i, w1, w.length * (w.a2 / 3.0 + w.b2 / 6.0));
+    visit(c, j, w1, w.length * (w.b2 / 3.0 + w.a2 / 6.0));
+    visit(c, i, w2, w.length * (w.a1 / 3.0 + w.b1 / 6.0));
+    visit(c, j, w2, w.length * (w.b1 / 3.0 + w.a1 / 6.0));
+  }
+  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
+    const Vertex i = cells.vertex[0][c];
+    for (int k = 1; k < 4; ++k) {
+      double area = 1.0;
+      for (int o = 1; o < 4; ++o)
+        if (o != k) area *= grains.gap(i, wall_of(cells.vertex[o][c]));
+      visit(c, i, cells.vertex[k][c], area);
+    }
+  }
+}
+
 }  // namespace
 
 void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
@@ -200,32 +226,15 @@ void cell_centroids(const CellView& cells, const GrainView& grains, double* cent
 
 void add_wall_forces(const CellView& cells, const GrainView& grains, const bool* counted, const double* pressure,
                      double* force) {
-  const auto add = [&](Vertex grain, Vertex wall, double f) { force[6 * grains.group[grain] + wall_of(wall)] += f; };
-  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
-    if (!counted[c]) continue;
-    const double third = pressure[c] * prism_projection(cells, grains, c) / 6.0;
-    for (int k = 0; k < 3; ++k) add(cells.vertex[k][c], cells.vertex[3][c], third);
-  }
-  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
-    if (!counted[c]) continue;
-    const Wedge w = wedge(cells, grains, c);
-    const Vertex i = cells.vertex[0][c], j = cells.vertex[1][c], w1 = cells.vertex[2][c], w2 = cells.vertex[3][c];
-    const double f = pressure[c] * w.length;
-    add(i, w1, f * (w.a2 / 3.0 + w.b2 / 6.0));
-    add(j, w1, f * (w.b2 / 3.0 + w.a2 / 6.0));
-    add(i, w2, f * (w.a1 / 3.0 + w.b1 / 6.0));
-    add(j, w2, f * (w.b1 / 3.0 + w.a1 / 6.0));
-  }
-  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
-    if (!counted[c]) continue;
-    const Vertex i = cells.vertex[0][c];
-    for (int k = 1; k < 4; ++k) {
-      double area = pressure[c];
-      for (int o = 1; o < 4; ++o)
-        if (o != k) area *= grains.gap(i, wall_of(cells.vertex[o][c]));
-      add(i, cells.vertex[k][c], area);
-    }
-  }
+  for_each_gap_gradient(cells, grains, [&](std::size_t c, Vertex grain, Vertex wall, double gradient) {
+    if (counted[c]) force[6 * grains.group[grain] + wall_of(wall)] += pressure[c] * gradient;
+  });
+}
+
+void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const double* wall_velocity, double* rate) {
+  for_each_gap_gradient(cells, grains, [&](std::size_t c, Vertex grain, Vertex wall, double gradient) {
+    rate[c] += gradient * wall_velocity[6 * grains.group[grain] + wall_of(wall)];
+  });
 }
 
 Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t c, int k) {

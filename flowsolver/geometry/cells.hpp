@@ -22,6 +22,10 @@ void cell_centroids(const CellView& cells, const GrainView& grains, double* cent
 void add_wall_forces(const CellView& cells, const GrainView& grains, const bool* counted, const double* pressure,
                      double* force);
 
+// What moving walls add to the rate of change of the cells' volumes, m^3/s: sum of dV/dgap times the wall's outward speed.
+// wall_velocity (groups, 6), m/s, along each wall's outward normal. Adds to rate (m).
+void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const double* wall_velocity, double* rate);
+
 // Gradient of one cell's own volume with respect to the position of its vertex k, m^2.
 Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t cell, int k);
 

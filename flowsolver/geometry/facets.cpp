@@ -195,6 +195,47 @@ void add_facet_forces(const FacetView& facets, const GrainView& grains, const do
   }
 }
 
+void add_volume_rates(const FacetView& facets, const GrainView& grains, const double* vx, const double* vy,
+                      const double* vz, double* rate) {
+  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
+  const auto [va, vb, vc] = facets.vertex;
+  constexpr std::size_t block = 256;
+  double swept[block];
+  const auto hand_over = [&](std::size_t f, double volume) {
+    rate[facets.left[f]] += volume;
+    if (facets.right[f] >= 0) rate[facets.right[f]] -= volume;
+  };
+  for (std::size_t first = 0; first < facets.end[0]; first += block) {
+    const std::size_t count = std::min(block, facets.end[0] - first);
+#pragma omp simd
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t f = first + i;
+      const Vertex a = va[f], b = vb[f], c = vc[f];
+      const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
+      const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
+      const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
+      const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
+      const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
+      const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
+      const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
+      const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
+      const Shares s = triangle_total(area2, lab, lac, lbc, abx * acx + aby * acy + abz * acz, r[a], r[b], r[c]);
+      swept[i] = (s.a * (nx * vx[a] + ny * vy[a] + nz * vz[a]) + s.b * (nx * vx[b] + ny * vy[b] + nz * vz[b]) +
+                  s.c * (nx * vx[c] + ny * vy[c] + nz * vz[c])) / area2;
+    }
+    for (std::size_t i = 0; i < count; ++i) hand_over(first + i, swept[i]);
+  }
+  for (std::size_t f = facets.end[0]; f < facets.size(); ++f) {
+    const FacetShares s = facet_shares(facets, grains, f, ForceLaw::total);
+    double volume = 0.0;
+    for (int k = 0; k < (f < facets.end[1] ? 2 : 1); ++k) {
+      const Vertex g = facets.vertex[k][f];
+      volume += s.share[k] * (s.normal[0] * vx[g] + s.normal[1] * vy[g] + s.normal[2] * vz[g]);
+    }
+    hand_over(f, volume);
+  }
+}
+
 void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
                      double* perimeter) {
   const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;

@@ -19,6 +19,11 @@ enum class ForceLaw {
 void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, double* fx,
                       double* fy, double* fz);
 
+// Rates of change of the pores' volumes by the grains' motion, m^3/s, from the coefficients of `total`: what the grains gain in
+// work the fluid loses. velocity: (grains) each, m/s. Adds to rate (pores); a right cell of -1 is left out.
+void add_volume_rates(const FacetView& facets, const GrainView& grains, const double* vx, const double* vy,
+                      const double* vz, double* rate);
+
 // Coefficients S_k of one facet, m^2, and its unit normal out of the left cell.
 struct FacetShares {
   std::array<double, 3> share;

@@ -108,6 +108,20 @@ void GrainDirectory::gather(MPI_Comm comm, const GrainInput& input, OwnGrains& o
   }
 }
 
+void GrainDirectory::gather_vectors(MPI_Comm comm, const double* vector, std::vector<std::array<double, 3>>& own) const {
+  std::vector<Stray> mine;
+  for (std::size_t i = 0; i < own_of_input_.size(); ++i) {
+    const double* v = vector + 3 * i;
+    if (own_of_input_[i] >= 0) own[own_of_input_[i]] = {v[0], v[1], v[2]};
+    else mine.push_back({input_id_[i], {v[0], v[1], v[2], 0.0}, 0});
+  }
+  if (strays_everywhere_ == 0) return;
+  for (const Stray& s : share(comm, mine)) {
+    const auto place = std::lower_bound(by_id_.begin(), by_id_.end(), std::pair{s.id, std::int32_t{-1}});
+    if (place != by_id_.end() && place->first == s.id) own[place->second] = {s.value[0], s.value[1], s.value[2]};
+  }
+}
+
 void GrainDirectory::scatter(MPI_Comm comm, const std::vector<double>& fx, const std::vector<double>& fy,
                              const std::vector<double>& fz, double* force) const {
   for (std::size_t i = 0; i < own_of_input_.size(); ++i) {

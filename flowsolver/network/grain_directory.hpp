@@ -3,6 +3,7 @@
 
 #include <mpi.h>
 
+#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -25,6 +26,9 @@ class GrainDirectory {
 
   // Collective. The caller's positions, radii and groups, in the order of the mesh's own grains.
   void gather(MPI_Comm comm, const GrainInput& input, OwnGrains& own) const;
+
+  // Collective. Vectors (n, 3) of the caller's grains, in the order of the mesh's own grains.
+  void gather_vectors(MPI_Comm comm, const double* vector, std::vector<std::array<double, 3>>& own) const;
 
   // Collective. Forces on the mesh's own grains, in the order of the caller's last input. Out: (n, 3).
   void scatter(MPI_Comm comm, const std::vector<double>& fx, const std::vector<double>& fy, const std::vector<double>& fz,

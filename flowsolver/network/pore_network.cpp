@@ -7,6 +7,7 @@
 
 #include "geometry/cells.hpp"
 #include "network/validation.hpp"
+#include "network/wall_steps.hpp"
 #include "tessellation/agreement.hpp"
 #include "tessellation/certificate.hpp"
 #include "tessellation/errors.hpp"
@@ -154,15 +155,12 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   MPI_Allreduce(MPI_IN_PLACE, &hidden_, 1, MPI_INT64_T, MPI_SUM, comm_);
 
   mesh_ = make_mesh(cells, local_);
-  owned_ = std::make_unique<bool[]>(mesh_.cells());
-  for (std::size_t c = 0; c < mesh_.cells(); ++c) {
-    const Vertex v[4] = {mesh_.cell_vertex[0][c], mesh_.cell_vertex[1][c], mesh_.cell_vertex[2][c], mesh_.cell_vertex[3][c]};
-    owned_[c] = belongs_here(v, 4, local_);
-  }
   wall_facets_.clear();
   const auto walled = [this](std::int32_t cell) { return static_cast<std::size_t>(cell) >= mesh_.cell_end[0]; };
   for (std::size_t f = 0; f < mesh_.facets(); ++f)
-    if (walled(mesh_.left[f]) || walled(mesh_.right[f])) wall_facets_.push_back(f);
+    if (walled(mesh_.facet.left[f]) || walled(mesh_.facet.right[f])) wall_facets_.push_back(f);
+  exchange_built_ = false;
+  ++mesh_number_;
   meshed_ = true;
 }
 
@@ -265,22 +263,22 @@ void PoreNetwork::grains_of_pore(std::int64_t* id) const {
 
 void PoreNetwork::pores_of_throat(std::int32_t* pore) const {
   for (std::size_t f = 0; f < throats(); ++f) {
-    pore[2 * f] = mesh_.left[f];
-    pore[2 * f + 1] = mesh_.right[f];
+    pore[2 * f] = mesh_.facet.left[f];
+    pore[2 * f + 1] = mesh_.facet.right[f];
   }
 }
 
 void PoreNetwork::grains_of_throat(std::int64_t* id) const {
   for (std::size_t f = 0; f < throats(); ++f)
     for (int k = 0; k < 3; ++k) {
-      const Vertex v = mesh_.facet_vertex[k][f];
+      const Vertex v = mesh_.facet.vertex[k][f];
       id[3 * f + k] = is_wall(v) ? v : local_.id[v];
     }
 }
 
 void PoreNetwork::owned_throats(bool* owned) const {
   for (std::size_t f = 0; f < throats(); ++f) {
-    const Vertex v[3] = {mesh_.facet_vertex[0][f], mesh_.facet_vertex[1][f], mesh_.facet_vertex[2][f]};
+    const Vertex v[3] = {mesh_.facet.vertex[0][f], mesh_.facet.vertex[1][f], mesh_.facet.vertex[2][f]};
     owned[f] = belongs_here(v, 3, local_);
   }
 }
@@ -293,7 +291,7 @@ ThroatSections PoreNetwork::throat_sections() {
   std::vector<double> centre(3 * pores());
   geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
   for (std::size_t f = 0; f < throats(); ++f) {
-    const double *p = &centre[3 * mesh_.left[f]], *q = &centre[3 * mesh_.right[f]];
+    const double *p = &centre[3 * mesh_.facet.left[f]], *q = &centre[3 * mesh_.facet.right[f]];
     s.length[f] = std::hypot(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
   }
   return s;
@@ -307,57 +305,11 @@ Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
   const auto owned_throat = std::make_unique<bool[]>(throats());
   owned_throats(owned_throat.get());
   std::array<std::int64_t, 2> count{0, 0};
-  for (std::size_t c = 0; c < pores(); ++c) count[0] += owned_[c] && pore[c] < least_void_share * cell[c];
+  for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && pore[c] < least_void_share * cell[c];
   for (std::size_t f = 0; f < throats(); ++f)
     count[1] += owned_throat[f] && s.open_area[f] < least_open_share * s.facet_area[f];
   MPI_Allreduce(MPI_IN_PLACE, count.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
   return {count[0], count[1]};
-}
-
-// Where neighbouring grains have different planes, the roof of their cell is not square to the wall: the pressure on it has a
-// part along the wall. It is what the gradient of the cell's volume has over and above the cell's facets.
-void PoreNetwork::add_step_forces(const double* pressure, double* fx, double* fy, double* fz) const {
-  if (groups() < 2) return;
-  const GrainView grains = view();
-  const CellView cells = mesh_.cell_view();
-  const FacetView facets = mesh_.facet_view();
-  const auto add = [&](Vertex g, double factor, const Vector3& f) {
-    fx[g] += factor * f[0];
-    fy[g] += factor * f[1];
-    fz[g] += factor * f[2];
-  };
-  const auto stepped = [&](std::size_t c) {
-    for (int k = 1; k < 4; ++k)
-      for (int g = 1; g < 4; ++g) {
-        const Vertex wall = mesh_.cell_vertex[k][c], grain = mesh_.cell_vertex[g][c];
-        if (!is_wall(wall) || is_wall(grain)) continue;
-        const auto plane = [&](Vertex v) { return wall_position_[6 * local_.group[v] + wall_of(wall)]; };
-        if (plane(grain) != plane(mesh_.cell_vertex[0][c])) return true;
-      }
-    return false;
-  };
-  std::vector<bool> is_stepped(cells.size() - cells.end[0]);
-  bool any = false;
-  for (std::size_t c = cells.end[0]; c < cells.end[2]; ++c) {
-    if (!stepped(c)) continue;
-    any = is_stepped[c - cells.end[0]] = true;
-    for (int k = 0; k < 4; ++k)
-      if (!is_wall(mesh_.cell_vertex[k][c]))
-        add(mesh_.cell_vertex[k][c], pressure[c], geometry::cell_volume_gradient(cells, grains, c, k));
-  }
-  if (!any) return;
-  for (const std::size_t f : wall_facets_) {
-    double difference = 0.0;
-    for (const auto& [cell, sign] : {std::pair{mesh_.left[f], 1.0}, std::pair{mesh_.right[f], -1.0}}) {
-      const std::size_t c = cell;
-      if (c >= cells.end[0] && is_stepped[c - cells.end[0]]) difference += sign * pressure[c];
-    }
-    if (difference == 0.0) continue;
-    const Vector3 normal = geometry::facet_shares(facets, grains, f, geometry::ForceLaw::total).normal;
-    const auto share = geometry::facet_area_shares(facets, grains, f);
-    for (int k = 0; k < 3; ++k)
-      if (!is_wall(mesh_.facet_vertex[k][f])) add(mesh_.facet_vertex[k][f], -difference * share[k], normal);
-  }
 }
 
 void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force) {
@@ -378,7 +330,12 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
 
   std::vector<double> fx(local_.size(), 0.0), fy(local_.size(), 0.0), fz(local_.size(), 0.0);
   geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, fx.data(), fy.data(), fz.data());
-  if (law == geometry::ForceLaw::total) add_step_forces(pressure, fx.data(), fy.data(), fz.data());
+  if (law == geometry::ForceLaw::total && groups() > 1)
+    for_each_step_gradient(mesh_, view(), wall_facets_, [&](std::size_t c, Vertex g, const Vector3& gradient) {
+      fx[g] += pressure[c] * gradient[0];
+      fy[g] += pressure[c] * gradient[1];
+      fz[g] += pressure[c] * gradient[2];
+    });
   std::vector<double> own_x(own_.size()), own_y(own_.size()), own_z(own_.size());
   for (std::size_t i = 0; i < local_.size(); ++i) {
     const std::int32_t s = local_.source[i];
@@ -390,14 +347,45 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
   directory_.scatter(comm_, own_x, own_y, own_z, force);
 
   std::fill_n(wall_force, wall_position_.size(), 0.0);
-  geometry::add_wall_forces(mesh_.cell_view(), view(), owned_.get(), pressure, wall_force);
+  geometry::add_wall_forces(mesh_.cell_view(), view(), mesh_.owned.get(), pressure, wall_force);
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_position_.size()), MPI_DOUBLE, MPI_SUM, comm_);
+}
+
+void PoreNetwork::volume_rate(const double* velocity, const double* wall_velocity, double* rate) {
+  const Timer timer(report_.forces);
+  std::vector<std::array<double, 3>> own(own_.size());
+  directory_.gather_vectors(comm_, velocity, own);
+  const std::vector<std::array<double, 3>> halo = halo_.fetch(own);
+  std::vector<double> vx(local_.size()), vy(local_.size()), vz(local_.size());
+  for (std::size_t i = 0; i < local_.size(); ++i) {
+    const std::int32_t s = local_.source[i];
+    const auto& v = s >= 0 ? own[s] : halo[-1 - s];
+    vx[i] = v[0];
+    vy[i] = v[1];
+    vz[i] = v[2];
+  }
+  std::fill_n(rate, pores(), 0.0);
+  geometry::add_volume_rates(mesh_.facet.view(), view(), vx.data(), vy.data(), vz.data(), rate);
+  geometry::add_volume_rates(mesh_.outer.view(), view(), vx.data(), vy.data(), vz.data(), rate);
+  if (groups() > 1)
+    for_each_step_gradient(mesh_, view(), wall_facets_, [&](std::size_t c, Vertex g, const Vector3& gradient) {
+      rate[c] += gradient[0] * vx[g] + gradient[1] * vy[g] + gradient[2] * vz[g];
+    });
+  geometry::add_wall_volume_rates(mesh_.cell_view(), view(), wall_velocity, rate);
+  // Only the owner of a pore is sure to know all its facets.
+  exchange().fetch(rate);
+}
+
+const PoreExchange& PoreNetwork::exchange() {
+  if (!exchange_built_) exchange_.build(comm_, mesh_, local_, halo_);
+  exchange_built_ = true;
+  return exchange_;
 }
 
 NetworkReport PoreNetwork::report() const {
   NetworkReport r = report_;
   std::array<std::int64_t, 3> count{static_cast<std::int64_t>(own_.size()), 0, 0};
-  for (std::size_t c = 0; c < mesh_.cells(); ++c) count[1] += owned_[c];
+  for (std::size_t c = 0; c < mesh_.cells(); ++c) count[1] += mesh_.owned[c];
   const auto owned_throat = std::make_unique<bool[]>(mesh_.facets());
   owned_throats(owned_throat.get());
   for (std::size_t f = 0; f < mesh_.facets(); ++f) count[2] += owned_throat[f];

@@ -11,6 +11,7 @@
 #include "geometry/facets.hpp"
 #include "network/grain_directory.hpp"
 #include "network/grain_input.hpp"
+#include "network/pore_exchange.hpp"
 #include "tessellation/domain.hpp"
 #include "tessellation/halo.hpp"
 #include "tessellation/mesh.hpp"
@@ -54,7 +55,7 @@ class PoreNetwork {
   std::size_t throats() const { return mesh_.facets(); }                    // local
   std::size_t grains() const { return directory_.input_size(); }            // local
   std::size_t groups() const { return wall_position_.size() / 6; }
-  const bool* owned() const { return owned_.get(); }                        // local, (pores)
+  const bool* owned() const { return mesh_.owned.get(); }                        // local, (pores)
   void pore_centre(double* centre);                                         // local, (pores, 3)
   void cell_volume(double* volume);                                         // local, (pores)
   void pore_volume(double* volume);                                         // local, (pores)
@@ -70,7 +71,20 @@ class PoreNetwork {
   // force (n, 3): on the caller's grains; wall_force (groups, 6): outward, over all ranks.
   void forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force);
 
+  // Rates of change of the pores' volumes, m^3/s, for given velocities of the caller's grains (n, 3) and outward speeds of the
+  // walls (groups, 6), m/s. Out: rate (pores).
+  void volume_rate(const double* velocity, const double* wall_velocity, double* rate);
+
   NetworkReport report() const;
+
+  // For the flow solver. exchange() is collective the first time after a mesh was made.
+  MPI_Comm communicator() const { return comm_; }
+  const Domain& domain() const { return domain_; }
+  const Mesh& mesh() const { return mesh_; }
+  const LocalGrains& local_grains() const { return local_; }
+  GrainView view() const;
+  const PoreExchange& exchange();
+  std::int64_t mesh_number() const { return mesh_number_; }  // changes whenever the mesh does
 
  private:
   bool keep(const GrainInput& input);
@@ -78,8 +92,6 @@ class PoreNetwork {
   void place(const GrainInput& input, bool continuous);
   void sort_local_grains();
   void refresh_local_grains();
-  void add_step_forces(const double* pressure, double* fx, double* fy, double* fz) const;
-  GrainView view() const;
 
   MPI_Comm comm_;
   Domain domain_;
@@ -90,9 +102,11 @@ class PoreNetwork {
   LocalGrains local_;
   WallSpheres walls_{};
   Mesh mesh_;
-  std::unique_ptr<bool[]> owned_;
   std::vector<std::size_t> wall_facets_;  // facets of cells that have walls
   GrainDirectory directory_;
+  PoreExchange exchange_;
+  bool exchange_built_ = false;
+  std::int64_t mesh_number_ = 0;
   bool meshed_ = false;
   double halo_width_ = 0.0;
   std::int64_t hidden_ = 0;

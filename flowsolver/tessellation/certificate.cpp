@@ -89,11 +89,11 @@ std::int64_t filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, st
   constexpr std::size_t block = 256;
   signed char verdict[block];
   std::int64_t violated = 0;
-  for (std::size_t first = 0; first < mesh.facet_end[0]; first += block) {
-    const std::size_t count = std::min(block, mesh.facet_end[0] - first);
-    const Vertex *va = mesh.facet_vertex[0].data() + first, *vb = mesh.facet_vertex[1].data() + first,
-                 *vc = mesh.facet_vertex[2].data() + first, *vd = mesh.left_apex.data() + first,
-                 *ve = mesh.right_apex.data() + first;
+  for (std::size_t first = 0; first < mesh.facet.end[0]; first += block) {
+    const std::size_t count = std::min(block, mesh.facet.end[0] - first);
+    const Vertex *va = mesh.facet.vertex[0].data() + first, *vb = mesh.facet.vertex[1].data() + first,
+                 *vc = mesh.facet.vertex[2].data() + first, *vd = mesh.facet.left_apex.data() + first,
+                 *ve = mesh.facet.right_apex.data() + first;
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
       const Vertex a = va[f], b = vb[f], c = vc[f];
@@ -180,10 +180,10 @@ Certificate certify(const Mesh& mesh, const LocalGrains& grains, const WallSpher
     certificate.inverted_cells += sign <= 0;
   }
   certificate.violated_facets = filter_grain_facets(mesh, grains, facets);
-  for (std::size_t f = mesh.facet_end[0]; f < mesh.facets(); ++f) facets.push_back(f);
+  for (std::size_t f = mesh.facet.end[0]; f < mesh.facets(); ++f) facets.push_back(f);
   for (const std::size_t f : facets) {
-    const Vertex a = mesh.facet_vertex[0][f], b = mesh.facet_vertex[1][f], c = mesh.facet_vertex[2][f];
-    const Vertex d = mesh.left_apex[f], e = mesh.right_apex[f];
+    const Vertex a = mesh.facet.vertex[0][f], b = mesh.facet.vertex[1][f], c = mesh.facet.vertex[2][f];
+    const Vertex d = mesh.facet.left_apex[f], e = mesh.facet.right_apex[f];
     int sign = filtered_power({lifted(grains, walls, a, b), lifted(grains, walls, a, c), lifted(grains, walls, a, d),
                                lifted(grains, walls, a, e)});
     if (sign == 0) {

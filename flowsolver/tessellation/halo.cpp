@@ -137,4 +137,10 @@ void Halo::refresh(const OwnGrains& own) {
   }
 }
 
+std::vector<std::array<double, 3>> Halo::fetch(const std::vector<std::array<double, 3>>& own) const {
+  std::vector<std::array<double, 3>> sent(send_index_.size());
+  for (std::size_t s = 0; s < sent.size(); ++s) sent[s] = own[send_index_[s]];
+  return exchange(comm_, sent, send_count_, receive_count_);
+}
+
 }  // namespace poreslip

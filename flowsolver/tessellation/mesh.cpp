@@ -45,10 +45,30 @@ struct Facet {
   std::int32_t left, right;
   Vertex left_apex, right_apex;
 };
+using FacetKinds = std::array<std::vector<Facet>, 3>;  // by number of walls
+
+FacetArrays arrays(FacetKinds& kinds) {
+  FacetArrays a;
+  std::size_t total = 0;
+  for (int walls = 0; walls < 3; ++walls) a.end[walls] = total += kinds[walls].size();
+  for (auto& v : a.vertex) v.reserve(total);
+  for (auto* v : {&a.left, &a.right, &a.left_apex, &a.right_apex}) v->reserve(total);
+  for (auto& kind : kinds) {
+    for (const Facet& f : kind) {
+      for (int k = 0; k < 3; ++k) a.vertex[k].push_back(f.vertex[k]);
+      a.left.push_back(f.left);
+      a.right.push_back(f.right);
+      a.left_apex.push_back(f.left_apex);
+      a.right_apex.push_back(f.right_apex);
+    }
+    std::vector<Facet>().swap(kind);
+  }
+  return a;
+}
 
 }  // namespace
 
-bool belongs_here(const Vertex* vertex, int count, const LocalGrains& grains) {
+Vertex leading_vertex(const Vertex* vertex, int count, const LocalGrains& grains) {
   Vertex first = -1;
   for (int k = 0; k < count; ++k) {
     const Vertex v = vertex[k];
@@ -57,6 +77,11 @@ bool belongs_here(const Vertex* vertex, int count, const LocalGrains& grains) {
         (grains.id[v] == grains.id[first] && grains.shift[v] < grains.shift[first]))
       first = v;
   }
+  return first;
+}
+
+bool belongs_here(const Vertex* vertex, int count, const LocalGrains& grains) {
+  const Vertex first = leading_vertex(vertex, count, grains);
   return first >= 0 && grains.own(first);
 }
 
@@ -67,42 +92,38 @@ Mesh make_mesh(const TouchingCells& cells, const LocalGrains& grains) {
   std::vector<std::int32_t> rank_of(n);
   for (std::size_t c = 0; c < n; ++c) rank_of[order[c]] = static_cast<std::int32_t>(c);
   for (auto& v : mesh.cell_vertex) v.resize(n);
-  for (std::size_t c = 0; c < n; ++c)
-    for (int k = 0; k < 4; ++k) mesh.cell_vertex[k][c] = cells.vertex[order[c]][k];
+  mesh.owned = std::make_unique<bool[]>(n);
 
-  std::array<std::vector<Facet>, 3> kinds;
-  kinds[0].reserve(2 * n + 16);
+  FacetKinds inner, outer;
+  inner[0].reserve(2 * n + 16);
   for (std::size_t c = 0; c < n; ++c) {
     const auto& v = cells.vertex[order[c]];
+    const auto& neighbour = cells.neighbour[order[c]];
+    for (int k = 0; k < 4; ++k) mesh.cell_vertex[k][c] = v[k];
+    mesh.owned[c] = belongs_here(v.data(), 4, grains);
     for (int k = 0; k < 4; ++k) {
-      const std::int32_t other = cells.neighbour[order[c]][k];
-      if (other < 0 || rank_of[other] < static_cast<std::int32_t>(c)) continue;
       const int* f = outward_facet[k];
-      const auto facet = grains_first({v[f[0]], v[f[1]], v[f[2]]});
+      std::array<Vertex, 3> facet{v[f[0]], v[f[1]], v[f[2]]};
       const int walls = count_walls(facet.data(), 3);
+      if (walls == 3) continue;
+      facet = grains_first(facet);
       bool own = false;
       for (int i = 0; i < 3 - walls; ++i) own = own || grains.own(facet[i]);
-      if (!own) continue;
+      if (!own) {
+        if (mesh.owned[c]) outer[walls].push_back({facet, static_cast<std::int32_t>(c), -1, v[k], -1});
+        continue;
+      }
+      const std::int32_t other = rank_of[neighbour[k]];
+      if (other < static_cast<std::int32_t>(c)) continue;
       const auto on_facet = [&](Vertex w) { return w == facet[0] || w == facet[1] || w == facet[2]; };
+      const auto& across = cells.vertex[neighbour[k]];
       int back = 0;
-      while (on_facet(cells.vertex[other][back])) ++back;
-      kinds[walls].push_back({facet, static_cast<std::int32_t>(c), rank_of[other], v[k], cells.vertex[other][back]});
+      while (on_facet(across[back])) ++back;
+      inner[walls].push_back({facet, static_cast<std::int32_t>(c), other, v[k], across[back]});
     }
   }
-  std::size_t total = 0;
-  for (int walls = 0; walls < 3; ++walls) mesh.facet_end[walls] = total += kinds[walls].size();
-  for (auto& v : mesh.facet_vertex) v.reserve(total);
-  for (auto* v : {&mesh.left, &mesh.right, &mesh.left_apex, &mesh.right_apex}) v->reserve(total);
-  for (auto& kind : kinds) {
-    for (const Facet& f : kind) {
-      for (int k = 0; k < 3; ++k) mesh.facet_vertex[k].push_back(f.vertex[k]);
-      mesh.left.push_back(f.left);
-      mesh.right.push_back(f.right);
-      mesh.left_apex.push_back(f.left_apex);
-      mesh.right_apex.push_back(f.right_apex);
-    }
-    std::vector<Facet>().swap(kind);
-  }
+  mesh.facet = arrays(inner);
+  mesh.outer = arrays(outer);
   return mesh;
 }
 

@@ -28,6 +28,11 @@ def take(name: str, x: np.ndarray, rank_of: np.ndarray) -> None:
     outcomes.append(net.update(own, x[own], r[own]))
     centre = net.pore_centre
     pressure = np.sin(2 * np.pi * centre).sum(axis=1) + np.cos(2 * np.pi * centre[:, 0] + 4 * np.pi * centre[:, 2])
+    velocity = np.cos(3 * x + 1)
+    rate = net.volume_rate(velocity[own])
+    work = np.array([(rate * pressure)[net.owned].sum()])
+    comm.Allreduce(MPI.IN_PLACE, work)
+    result[f"{name} work"] = work
     for law in ("total", "pressure"):
         own_force, wall_force = net.forces(pressure, law)
         force = np.zeros_like(x)

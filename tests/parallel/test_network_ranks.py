@@ -31,3 +31,6 @@ def test_same_on_any_number_of_ranks(mpirun, tmp_path, periodic):
             scale = max(np.abs(one[name]).max(), 1e-300)
             np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-12 * scale, err_msg=name)
     assert one["slabs volume"][0] == pytest.approx(1, abs=1e-12)
+    for name in ("slabs", "strays", "other slabs"):
+        force = one[f"{name} total"]
+        assert one[f"{name} work"][0] == pytest.approx((force * np.cos(3 * x + 1)).sum(), rel=1e-9)
