@@ -49,6 +49,18 @@ def test_a_run_without_it_does_not_reproduce_a_claim(tmp_path: Path, claim: str,
     assert found[claim] == "not reproduced"
 
 
+def test_the_side_that_slips_first_counts_even_if_it_is_overtaken(tmp_path: Path) -> None:
+    case = write_onsets(tmp_path, synthetic.ONSETS)
+    for number, high, low in ((2, "left", "right"), (3, "right", "left")):
+        path = case / f"case{number}-seed1" / "history.csv"
+        table = pd.read_csv(path)
+        strain = table["strain"].to_numpy()
+        table[f"slip_{low}_m"] = synthetic.ramp(strain, 1.2e-3, synthetic.Synthetic())
+        table[f"slip_{high}_m"] = synthetic.ramp(strain, 1.3e-3, synthetic.Synthetic(slip_per_strain=1.75))
+        table.to_csv(path, index=False)
+    assert verdicts(case)["a"] == "not reproduced"
+
+
 def test_order_fails_when_case_4_comes_before_case_3_and_equality_holds_when_onsets_are_equal(tmp_path: Path) -> None:
     early = verdicts(write_onsets(tmp_path / "early", synthetic.ONSETS | {4: 1.15e-3}))
     assert early["b, strain"] == early["b, sigma_n"] == "not reproduced"
@@ -64,6 +76,10 @@ def test_collapse_is_small_against_the_maximum_only_when_the_maximum_rules(tmp_p
     by_max = collapse_of(write_onsets(tmp_path / "max", synthetic.ONSETS))
     assert by_max["sigma_n_minus_max_p_Pa"].number < 0.1 < 1.0 < by_max["sigma_n_minus_mean_p_Pa"].number
     assert verdicts(write_onsets(tmp_path / "late", synthetic.ONSETS | {2: 2.6e-3, 3: 2.6e-3}))["d"] == "not reproduced"
+    # stresses far above the pressures: the curves collapse as well (or badly) against the one as against the other
+    stiff = write_onsets(tmp_path / "stiff", synthetic.ONSETS | {1: 1.0e-3, 2: 1.1e-3, 3: 1.1e-3}, stiffness=2e11)
+    numbers = collapse_of(stiff)
+    assert numbers["sigma_n_minus_max_p_Pa"].number < 0.5 and verdicts(stiff)["d"] == "not reproduced"
 
 
 def test_collapse_says_when_it_cannot_tell_the_maximum_from_the_mean(tmp_path: Path) -> None:
