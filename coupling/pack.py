@@ -10,10 +10,21 @@ from coupling.case_schema import Pack
 
 #: Room around the box for the walls to move in, as a fraction of its longest side.
 MARGIN = 0.1
+#: Solid fraction that in.pack reaches in an endless pack, and the part of a diameter by which a smooth wall's face is moved
+#: inwards by the looser grains at it: fitted to boxes of 5 and of 10 diameters' depth. They set the number of grains, so that the settled
+#: box has the size asked for.
+DENSEST_SOLID, WALL_GAP_DIAMETERS = 0.652, 0.063
+
+
+def starting_porosity(pack: Pack, periodic_z: bool) -> float:
+    """Porosity of the closed box: the one aimed at, or what the protocol can reach between these walls."""
+    sides = pack.box_m[:2] if periodic_z else pack.box_m
+    walls = sum(2.0 / side for side in sides) * sum(pack.diameter_m) / 2.0
+    return max(pack.porosity, 1.0 - DENSEST_SOLID * (1.0 - WALL_GAP_DIAMETERS * walls))
 
 
 def write_grains(pack: Pack, path: Path, periodic_z: bool) -> int:
-    """Write as many grains as fill the box at the pack's porosity, at random places in it, overlapping; return their number.
+    """Write as many grains as fill the box at `starting_porosity`, at random places in it, overlapping; return their number.
 
     The same for any number of ranks: made from the seed alone. Ids are 1 to the number of grains, the type is 1.
     """
@@ -21,7 +32,7 @@ def write_grains(pack: Pack, path: Path, periodic_z: bool) -> int:
     box = np.array(pack.box_m)
     smallest, largest = pack.diameter_m
     mean_volume = np.pi / 6.0 * (smallest**2 + largest**2) * (smallest + largest) / 4.0
-    count = max(1, int(box.prod() * (1.0 - pack.porosity) / mean_volume))
+    count = max(1, int(box.prod() * (1.0 - starting_porosity(pack, periodic_z)) / mean_volume))
     diameter = random.uniform(smallest, largest, count)
     inset = np.array([smallest / 2.0] * 3)
     if periodic_z:
