@@ -79,7 +79,7 @@ class Run:
         measures = Measures(case, fault, walls, state["reference"])
         measures.reset_rate(tuple(state["previous"]) if state["previous"] else None)
         snapshots = self._snapshots(state["step"] if restart else None)
-        loading = Loading(case, engine, comm, flow, measures, output, snapshots, self.phases, state)
+        loading = Loading(case, engine, comm, flow, walls, measures, output, snapshots, self.phases, state)
         progress = Progress(case.name, shown=comm.rank == 0)
         ending = loading.run(progress)
         progress.finish(f"{ending.reason}; {self.directory}/history.csv")
@@ -91,6 +91,8 @@ class Run:
     def _initial_state(self, engine, fault, walls) -> dict:
         """The driver's state when loading begins: nothing broken yet, and what later strains refer to."""
         engine.command("reset_timestep 0")
+        # LIGGGHTS gives a new fix property/atom its default values in the first setup, not before.
+        engine.run(0, setup=True)
         engine.property_atom("reference_position")[:] = engine.unwrapped_position()
         positions = wall_positions(engine, walls.plates)
         reference = {"length": positions["x_right"] - positions["x_left"]}

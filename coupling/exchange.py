@@ -7,6 +7,7 @@ import numpy as np
 from coupling.case_schema import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
+from coupling.errors import ComputationError
 from coupling.phases import Phases
 from coupling.pore_pressure import PrescribedPressure
 from coupling.walls import SceneWalls
@@ -17,8 +18,9 @@ class PrescribedFlow:
 
     def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, pressure: PrescribedPressure, lower, upper, phases: Phases):
         # The network and its library are loaded only by a scene that has a pore pressure.
-        from flowsolver.network import PoreNetwork
+        from flowsolver.network import InputError, PoreNetwork
 
+        self._refused = InputError
         self._engine, self._comm = engine, comm
         self._walls, self._pressure, self._phases = walls, pressure, phases
         self._law = case.flow.forces
@@ -33,9 +35,13 @@ class PrescribedFlow:
         """Evaluate the pressure in the pores where the grains are now, and set the forces on grains and walls."""
         engine = self._engine
         with self._phases.timed("tessellation"):
-            self._network.update(
-                engine.atom("id").astype(np.int64), np.ascontiguousarray(engine.atom("x")), np.ascontiguousarray(engine.atom("radius")),
-                wall_position=self._walls.positions(self._walls.states(engine)), group=engine.atom("type") - np.int32(1), rebuild=self._rebuild)
+            try:
+                self._network.update(
+                    engine.atom("id"), engine.atom("x"), engine.atom("radius"),
+                    wall_position=self._walls.positions(self._walls.states(engine)), group=engine.atom("type") - np.int32(1), rebuild=self._rebuild)
+            except self._refused as error:
+                # The case was good when loading began: what is wrong now came about in the run.
+                raise ComputationError(f"no pore network can be made at step {engine.step}: {error}") from None
             self._rebuild = False
         with self._phases.timed("pressure"), raised_together(self._comm):
             pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)

@@ -13,6 +13,7 @@ from coupling.output import RunOutput
 from coupling.phases import Phases
 from coupling.progress import Progress
 from coupling.signals import StopRequest
+from coupling.walls import SceneWalls
 
 
 @dataclass
@@ -30,9 +31,11 @@ class Loading:
     state: the driver's state as a checkpoint holds it. worst, last: largest values of the run so far, and the last line of its history.
     """
 
-    def __init__(self, case: RunCase, engine: Engine, comm, flow, measures: Measures, output: RunOutput, snapshots, phases: Phases, state: dict):
+    def __init__(self, case: RunCase, engine: Engine, comm, flow, walls: SceneWalls, measures: Measures, output: RunOutput,
+                 snapshots, phases: Phases, state: dict):  # fmt: skip
         self._case, self._engine, self._comm = case, engine, comm
         self._flow, self._measures, self._output, self._snapshots, self._phases = flow, measures, output, snapshots, phases
+        self.walls = walls
         self._reference = state["reference"]
         self._broken = list(state["broken"])
         self._rebuilds_before = state["rebuilds"]

@@ -17,9 +17,11 @@ GROUPS = (LEFT, GOUGE, RIGHT)
 TWO_SIDES = {
     "x_left": (0, GROUPS), "x_right": (1, GROUPS), "y_front": (2, GROUPS), "y_back": (3, GROUPS),
     "z_bottom_left": (4, (LEFT,)), "z_top_left": (5, (LEFT,)), "z_bottom_right": (4, (RIGHT,)), "z_top_right": (5, (RIGHT,)),
+    "z_bottom_gouge": (4, (GOUGE,)), "z_top_gouge": (5, (GOUGE,)),
 }  # fmt: skip
 PACK = ("x_left", "x_right", "y_front", "y_back", "z_bottom", "z_top")
 SUPPLEMENT = {name: TWO_SIDES[name] for name in ("x_left", "x_right", "y_front", "y_back")}
+SCENE_WALLS = {"two_sides": TWO_SIDES, "supplement": SUPPLEMENT}
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class SceneWalls:
     """
 
     def __init__(self, scene: str, lower, upper, plate_areas: dict[str, float]):
-        self.plates = TWO_SIDES if scene == "two_sides" else SUPPLEMENT
+        self.plates = SCENE_WALLS[scene]
         self.periodic_z = scene == "supplement"
         self._lower, self._upper = tuple(lower), tuple(upper)
         self._plate_areas = plate_areas
