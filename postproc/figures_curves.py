@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from . import smoothing
 from .figure_style import CASE_MARKER, CASE_STYLE, CASE_WORDS, MEGA, PAGE, Picture, letter, print_style, save
@@ -90,6 +91,9 @@ def slip_histories(pack: MeasuredPack, directory: Path, stem: str, dpi: int, pdf
             axes.text(0.03, 0.94, f"{side} interface", transform=axes.transAxes, va="top")
             axes.set_yscale("symlog", linthresh=10.0, linscale=0.6)
             axes.set_ylim(-5.0, max(2e6 * top, 50.0))
+            axes.yaxis.set_major_locator(FixedLocator([0, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000]))
+            axes.yaxis.set_major_formatter("{x:.0f}")
+            axes.yaxis.set_minor_locator(NullLocator())
         panels[0].set_ylabel(r"slip ($\mu$m)")
         letter(panels)
         case_legend(figure, panels[0], 5)

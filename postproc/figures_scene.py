@@ -86,7 +86,9 @@ def scene(runs: Mapping[int, MeasuredRun], directory: Path, stem: str, dpi: int,
         figure = plt.figure(figsize=(PAGE, 5.6), layout="constrained")
         above, below = figure.subfigures(2, 1, height_ratios=(3.6, 1.25))
         grain_panel(above.subplots(), shown)
-        panels = np.atleast_1d(below.subplots(1, len(runs)))
+        panels = below.subplots(1, len(PREFERRED))
+        for axes in panels[len(runs):]:
+            axes.set_axis_off()
         top = max(max(one.run.history["p_left_Pa"].max(), one.run.history["p_right_Pa"].max()) for one in runs.values()) * MEGA
         for axes, (number, one) in zip(panels, runs.items()):
             colours = pressure_panel(axes, one.run, CASE_WORDS[number], max(top, 1e-9))

@@ -13,13 +13,14 @@ can be read as well.
    the passages, their change over the last two terms, and their own noise, added in quadrature.
 The faster interface is the one whose onset comes first.
 
-The other definitions: the largest smoothed sigma_n; the time at which d(vertical strain)/d(strain) has gone half of the
-way from its early value to that of rigid sliding on the fault.  Compression is positive.
+The other definitions: u itself, elastic part and all, passes 0.01 d on either interface; the largest smoothed sigma_n;
+the time at which d(vertical strain)/d(strain) has gone half of the way from its early value to that of rigid sliding on
+the fault.  Compression is positive.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,13 +81,14 @@ class Slip:
 class RunOnsets:
     """All onsets of a run.  faster: "left", "right" or None (no slip); time: (n,) float64, s.
 
-    peak_stress, strain_rate: the other definitions, None where the run shows no such thing.
+    as_measured, peak_stress, strain_rate: the other definitions, None where the run shows no such thing.
     """
 
     diameter: float
     time: np.ndarray
     slips: Mapping[str, Slip]
     faster: str | None
+    as_measured: Onset | None
     peak_stress: Onset | None
     strain_rate: Onset | None
 
@@ -275,6 +277,22 @@ def peak_onset(history_state: Mapping[str, np.ndarray], noise: Mapping[str, floa
     return read_off(history_state, noise, float(time[top]), interval, {-1.0: float(first), 1.0: float(last)})
 
 
+def as_measured_onset(displacements: Sequence[np.ndarray], diameter: float, history_state: Mapping[str, np.ndarray],
+                      noise: Mapping[str, float]) -> Onset | None:
+    """The first of the interfaces' displacements (n,), m, to pass 0.01 d, without taking off an elastic part."""
+    time = history_state["time_s"]
+    found = []
+    for displacement in displacements:
+        passages = {threshold: passage(time, displacement, threshold * diameter) for threshold in THRESHOLDS}
+        if passages[THRESHOLD] is not None:
+            found.append({threshold: where for threshold, where in passages.items() if where is not None})
+    if not found:
+        return None
+    known = min(found, key=lambda passages: passages[THRESHOLD])
+    interval = float(np.median(np.diff(time)))
+    return read_off(history_state, noise, known[THRESHOLD], 0.5 * interval, known, len(known) < len(THRESHOLDS))
+
+
 def find_onsets(run: Run) -> RunOnsets:
     """All onsets of `run`."""
     diameter = mean_diameter(run.case, run.directory / "case.json")
@@ -287,5 +305,6 @@ def find_onsets(run: Run) -> RunOnsets:
     slips = {side: slip_of(run, side, history_state, noise, sign, diameter) for side in SIDES}
     slipped = [side for side in SIDES if slips[side].onset]
     faster = min(slipped, key=lambda side: slips[side].onset.at["time_s"].value) if slipped else None
-    return RunOnsets(diameter, time, slips, faster, peak_onset(history_state, noise),
+    displacements = [sign * run.history[f"slip_{side}_m"].to_numpy(float) for side in SIDES]
+    return RunOnsets(diameter, time, slips, faster, as_measured_onset(displacements, diameter, history_state, noise), peak_onset(history_state, noise),
                      rate_onset(run, history_state, noise))

@@ -100,11 +100,12 @@ def definition_table(variant: MeasuredVariant) -> str:
         cells = [label]
         for onset in (measured.onsets.slips["left"].onset, measured.onsets.slips["right"].onset):
             cells += onset_cells(onset, names, "no slip")
+        cells += onset_cells(measured.onsets.as_measured, names, "not reached")
         cells += onset_cells(measured.onsets.peak_stress, names, "no peak")
         cells += onset_cells(measured.onsets.strain_rate, names, "not reached")
         rows.append(cells)
     unit = ["strain, 10<sup>-3</sup>", "σ<sub>n</sub>, MPa"]
-    return html_table(["case", *[f"{kind}: {what}" for kind in ("left interface", "right interface", "peak σ<sub>n</sub>", "strain rate") for what in unit]], rows)
+    return html_table(["case", *[f"{kind}: {what}" for kind in ("left interface", "right interface", "elastic part left in", "peak σ<sub>n</sub>", "strain rate") for what in unit]], rows)
 
 
 def scatter_rows(scatter: pd.DataFrame, label: str) -> str:

@@ -36,6 +36,7 @@ def run_row(variant: str, seed: str, number: int, measured: MeasuredRun) -> dict
     for side in SIDES:
         row |= onset_columns(f"onset_{side}", onsets.slips[side].onset)
         row[f"largest_slip_{side}_m"] = onsets.slips[side].largest
+    row |= onset_columns("as_measured", onsets.as_measured)
     row |= onset_columns("peak_stress", onsets.peak_stress)
     row |= onset_columns("strain_rate", onsets.strain_rate)
     left, right = history["sigma_h_left_Pa"], history["sigma_h_right_Pa"]

@@ -90,6 +90,15 @@ def test_other_definitions_of_the_onset(tmp_path: Path) -> None:
     assert peak.at["strain"].uncertainty == pytest.approx(1e-4, rel=0.1)
 
 
+def test_the_elastic_part_brings_the_onset_as_measured_forward(tmp_path: Path) -> None:
+    found = onsets_of(tmp_path, elastic_slip=2e-3, slip_per_strain=0.1)
+    # 0.1 (e - 1.2e-3) + 2e-3 e = 0 beyond the ramp's knee: the elastic 2.4 um at the onset take 2.4e-6 / 0.102 of strain
+    assert found.as_measured.at["strain"].value == pytest.approx(1.2e-3 - 2.4e-6 / 0.102, abs=4e-6)
+    without = onsets_of(tmp_path, number=2, elastic_slip=0.0)
+    assert without.as_measured.at["strain"].value == pytest.approx(without.onset.at["strain"].value, rel=1e-3)
+    assert onsets_of(tmp_path, number=3, onset_strain=None).as_measured is None
+
+
 def test_no_rate_onset_where_the_fault_is_upright(tmp_path: Path) -> None:
     assert onsets_of(tmp_path, scene="supplement").strain_rate is None
 
