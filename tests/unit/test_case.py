@@ -77,7 +77,7 @@ def test_a_run_overrides_the_file_and_the_command_line_overrides_both(tmp_path: 
         """
         [pack]
         seed = 5
-        deck_variables = { relax_steps = 3 }
+        deck_variables = { drag = 3 }
         [[run]]
         name = "loose"
         pack.porosity = 0.4
@@ -89,8 +89,8 @@ def test_a_run_overrides_the_file_and_the_command_line_overrides_both(tmp_path: 
     )
     runs = load_case(path, ["pack.seed=9", "bonds.enabled=false"]).runs
     assert [(run.name, run.pack.seed, run.pack.porosity, run.bonds.enabled) for run in runs] == [("loose", 9, 0.4, False), ("dense", 9, 0.36, False)]
-    assert runs[0].pack.deck_variables == {"relax_steps": 3}
-    assert runs[1].pack.deck_variables == {"relax_steps": 3, "skin": "1e-4"}
+    assert runs[0].pack.deck_variables == {"drag": 3}
+    assert runs[1].pack.deck_variables == {"drag": 3, "skin": "1e-4"}
     assert load_case(path, ["pack.porosity=0.38"]).runs[1].pack.porosity == 0.38
 
 
@@ -106,8 +106,8 @@ def test_a_sweep_multiplies_runs_and_changes_the_pack_alone(tmp_path: Path) -> N
 
 
 def test_runs_can_be_told_apart_by_their_inputs(tmp_path: Path) -> None:
-    path = written(tmp_path, "[pack.deck_variables]\nrelax_steps = 7\n")
-    one, again, other = (load_case(path, overrides).runs[0] for overrides in ([], [], ["pack.deck_variables.relax_steps=8"]))
+    path = written(tmp_path, "[pack.deck_variables]\ndrag = 7\n")
+    one, again, other = (load_case(path, overrides).runs[0] for overrides in ([], [], ["pack.deck_variables.drag=8"]))
     assert len({one, again, other}) == 2
 
 
