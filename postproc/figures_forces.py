@@ -70,7 +70,7 @@ def displacement_and_chains(runs: Mapping[int, MeasuredRun], directory: Path, st
         outlines = {number: outline(run.case, read_grains(run, 0)) for number, run in shown.items()}
         size = next(iter(outlines.values())).size
         height = 0.5 * PAGE * 0.92 * size[2] / size[0]
-        figure, panels = plt.subplots(len(shown), 2, figsize=(PAGE, (height + 0.2) * len(shown) + 0.6), squeeze=False, layout="constrained")
+        figure, panels = plt.subplots(len(shown), 2, figsize=(PAGE, (height + 0.06) * len(shown) + 0.7), squeeze=False, layout="constrained")
         for row, (number, run) in enumerate(shown.items()):
             diameter = mean_diameter(run.case, run.directory / "case.json")
             colours = displacement_panel(panels[row, 0], grains[number], outlines[number], diameter, max(top, 1e-9))
@@ -82,8 +82,7 @@ def displacement_and_chains(runs: Mapping[int, MeasuredRun], directory: Path, st
                 axes.set_yticks([])
                 for x, z in outlines[number].interfaces:
                     axes.plot(x, z, color="white" if axes is panels[row, 0] else "#0072B2", linewidth=0.8, linestyle=(0, (4, 2)))
-            panels[row, 0].set_ylabel(CASE_WORDS[number])
-            panels[row, 1].set_title(f"strain {strain * 1e3:.2f}" + r"$\times 10^{-3}$", loc="right", fontsize=7, pad=2)
+            panels[row, 0].set_ylabel(f"{CASE_WORDS[number]}\nstrain {strain * 1e3:.2f}" + r"$\times 10^{-3}$")
         figure.colorbar(colours, ax=panels[:, 0], location="bottom", shrink=0.7, pad=0.01, aspect=40, label=r"displacement ($\mu$m)")
         handles = [plt.Line2D([], [], color="black", linewidth=WIDEST_LINE * share) for share in (1.0, 0.5, 0.1)]
         panels[-1, 1].legend(handles, [f"{reference * share:.0f} N" for share in (1.0, 0.5, 0.1)], loc="upper center",
