@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from .figure_style import CASE_WORDS, PAGE, Picture, box_axes, draw_grains, print_style, save
 from .results import MeasuredRun
 from .run_files import Contacts, Grains, mean_diameter, read_contacts, read_grains
-from .scene_geometry import Outline, outline
+from .scene_geometry import Outline, is_upright, outline
 
 WIDEST_LINE = 2.2
 """Points; the width of a contact at the reference force."""
@@ -82,7 +82,8 @@ def displacement_and_chains(runs: Mapping[int, MeasuredRun], directory: Path, st
                 axes.set_yticks([])
                 for x, z in outlines[number].interfaces:
                     axes.plot(x, z, color="white" if axes is panels[row, 0] else "#0072B2", linewidth=0.8, linestyle=(0, (4, 2)))
-            panels[row, 0].set_ylabel(f"{CASE_WORDS[number]}\nstrain {strain * 1e3:.2f}" + r"$\times 10^{-3}$")
+            reached = "" if is_upright(run) else f"\nstrain {strain * 1e3:.2f}" + r"$\times 10^{-3}$"
+            panels[row, 0].set_ylabel(CASE_WORDS[number] + reached)
         figure.colorbar(colours, ax=panels[:, 0], location="bottom", shrink=0.7, pad=0.01, aspect=40, label=r"displacement ($\mu$m)")
         handles = [plt.Line2D([], [], color="black", linewidth=WIDEST_LINE * share) for share in (1.0, 0.5, 0.1)]
         panels[-1, 1].legend(handles, [f"{reference * share:.0f} N" for share in (1.0, 0.5, 0.1)], loc="upper center",

@@ -28,7 +28,7 @@ def grain_panel(axes: plt.Axes, run: Run) -> None:
     (x_low, _, z_low), (x_high, _, z_high) = shape.lower, shape.upper
     colours = np.array([to_rgb(PART_COLOUR.get(part, "#bbbbbb")) for part in (0, 1, 2, 3)])[np.clip(grains.part, 0, 3)]
     draw_grains(axes, grains.position, grains.radius, colours, edge=0.3)
-    box_axes(axes, shape, margin=9.0)
+    box_axes(axes, shape, margin=11.0)
     for x, direction in ((x_low, -1.0), (x_high, 1.0)):
         axes.plot([x, x], [z_low, z_high], color="black", linewidth=2.5, solid_capstyle="butt")
         for z in np.linspace(z_low, z_high, 7)[1:-1]:
@@ -48,7 +48,7 @@ def grain_panel(axes: plt.Axes, run: Run) -> None:
         stress = run.case.get("loading", {}).get("vertical_stress_Pa")
         if stress:
             axes.text(shape.middle[0], z_high + 6.0, rf"$\sigma_v$ = {stress * MEGA:g} MPa on each block face", ha="center", va="bottom")
-    axes.text(x_low - 8.0, shape.middle[2], words, rotation=90, ha="right", va="center")
+    axes.text(x_low - (9.5 if is_upright(run) else 8.0), shape.middle[2], words, rotation=90, ha="right", va="center")
     for text, part in (("left block", 1), ("gouge", 2), ("right block", 3)):
         members = grains.position[grains.part == part]
         if len(members):
