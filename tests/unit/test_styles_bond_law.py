@@ -139,12 +139,22 @@ def pulled_pair(**arguments) -> dict:
 AREA = np.pi * 1.0e-6  # m2, of the grains' radius 1 mm
 
 
+def approach(way: float, direction: tuple, speed: float) -> dict:
+    """Arguments of pulled_pair that cover a way ever more slowly, and then a little more, in steps of a 2500th of speed * DT at its end."""
+    fast, medium = speed * DT, speed * DT / 50
+    fast_steps = int(way / fast) - 1
+    medium_steps = int((way - fast_steps * fast) / medium) - 1
+    names = (("velocity", "steps"), ("then", "then_steps"), ("last", "last_steps"))
+    phases = ((speed, fast_steps), (speed / 50, medium_steps), (speed / 2500, 600))
+    return {key: value for (v, n), (rate, count) in zip(names, phases) for key, value in ((v, tuple(rate * c for c in direction)), (n, count))}
+
+
 def test_tension_up_to_the_bonds_own_strength_then_nothing() -> None:
-    result = pulled_pair(velocity=(0.1, 0, 0), command=bond_command(), steps=500)
     limit = strength(1, 2, 1e6, 0.3e6, 1e5, SEED) * AREA
+    result = pulled_pair(command=bond_command(), **approach(1.0e-6 + limit / 1e6, (1, 0, 0), 0.1))
     tension = np.array([-f[0] for _, _, f, _, _ in result["rows"]])
     intact = np.array([bonds for *_, bonds, _ in result["rows"]], dtype=bool)
-    assert tension.max() <= limit < tension.max() + 1e6 * 0.1 * DT * 1.001  # to within one step of the pull
+    assert tension.max() <= limit < tension.max() + 1e6 * 0.1 / 2500 * DT * 1.001  # to within the last, slow step
     assert np.all(tension[~intact] == 0) and intact[0] and not intact[-1]
     opening = np.array([distance - 2.0e-3 for _, distance, *_ in result["rows"]])
     np.testing.assert_allclose(tension[intact], 1e6 * opening[intact], atol=1e-12)
@@ -192,15 +202,15 @@ def test_bonds_without_strength_never_hold_and_infinite_ones_always() -> None:
 def test_shear_is_not_limited_by_friction_while_bonded_then_breaks_at_its_strength() -> None:
     """Overlap 1 um: F_n = 1 N, friction carries 0.5 N; the bond carries S = T."""
     command = bond_command(deviation="0")
-    result = pulled_pair(velocity=(0, 0.5, 0), command=command, steps=150)
-    shear = np.array([np.hypot(force[1], force[2]) for _, _, force, *_ in result["rows"]])
-    intact = np.array([bonds for *_, bonds, _ in result["rows"]], dtype=bool)
     limit = 1e6 * AREA
-    assert shear[intact].max() <= limit < shear[intact].max() + 5e5 * 0.5 * DT * 1.01
+    result = pulled_pair(command=command, **approach(limit / 5e5, (0, 1, 0), 0.5))
+    shear = np.array([np.linalg.norm(contact[1:4]) for *_, contact in result["rows"]])
+    intact = np.array([bonds for *_, bonds, _ in result["rows"]], dtype=bool)
+    assert shear[intact].max() <= limit < shear[intact].max() + 5e5 * 0.5 / 2500 * DT * 1.01
     normal = np.array([contact[0] for *_, contact in result["rows"]])
-    np.testing.assert_allclose(shear[~intact], 0.5 * normal[~intact], rtol=1e-2)  # cut to mu F_n; F_n leans a little out of the x axis
+    np.testing.assert_allclose(shear[~intact], 0.5 * normal[~intact], rtol=1e-12)  # cut to mu F_n
     (row,) = result["breaks"]
-    assert row[3] == 2 and row[8] == pytest.approx(limit, rel=1e-2)
+    assert row[3] == 2 and row[8] == pytest.approx(limit, rel=1e-5)
     assert row[9] == pytest.approx((row[8] ** 2 - (0.5 * row[7]) ** 2) / (2 * 5e5), rel=1e-6)
     never = pulled_pair(velocity=(0, 0.5, 0), command=bond_command(deviation="0", ratio="infinite"), steps=150)
     assert never["rows"][-1][3] == 1

@@ -88,28 +88,35 @@ def test_a_bond_across_the_rank_boundary_breaks_in_the_same_step() -> None:
     np.testing.assert_array_equal(one["f"], two["f"])
 
 
-def lattice_scene(comm) -> np.ndarray:
+def lattice_scene(comm) -> dict:
+    """A lattice of widely spread strengths, stretched along x until all bonds in that direction are broken."""
     scene = Scene(comm, block((8, 3, 3)), MATERIAL)
-    scene.commands(SETTINGS + "yes", "fix move all nve/noforce")
+    scene.commands(SETTINGS.replace("strength_sd 0.3e6", "strength_sd 0.8e6 strength_floor 0.2e6") + "yes", "fix move all nve/noforce")
     scene.run(1)
     scene.commands("fix_modify bonds armed no")
-    scene.assign("v", np.zeros((72, 3)))
-    pull = np.zeros((72, 3))
-    pull[:, 0] = 50.0 * (scene.gather("x")[:, 0] - 0.02)  # uniform stretch along x
-    scene.assign("v", pull)
-    scene.run(1000)
-    return scene.take_breaks()
+    formed = scene.contact_rows()
+    stretch = np.zeros((72, 3))
+    stretch[:, 0] = 50.0 * (scene.gather("x")[:, 0] - 0.02)
+    scene.assign("v", stretch)
+    scene.run(1500)
+    return {"formed": formed, "breaks": scene.take_breaks(), "counts": [scene.fix_value("bonds", column) for column in range(1, 6)]}
 
 
 @pytest.mark.parallel
-def test_strengths_are_those_of_the_hash_on_any_number_of_ranks() -> None:
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_strengths_are_those_of_the_hash_on_any_number_of_ranks(ranks: int) -> None:
+    def drawn(id_i: float, id_j: float) -> float:
+        return strength(int(id_i), int(id_j), 1e6, 0.8e6, 0.2e6, 3)
+
+    result = run_scene(lattice_scene, ranks=ranks)[0]
     step_force = 1e6 * 50.0 * 2.0e-3 * 1e-7  # N, growth of the tension in one step
-    for ranks in (1, 2):
-        breaks = run_scene(lattice_scene, ranks=ranks)[0]
-        assert len(breaks) == 63  # of 7 x 9 bonds along x
-        for _, id_i, id_j, mode, *_, normal, _, _ in breaks:
-            limit = strength(int(id_i), int(id_j), 1e6, 0.3e6, 1e5, 3) * np.pi * 1.0e-6
-            assert mode == 1 and limit < -normal < limit + 1.01 * step_force
+    assert len(result["breaks"]) == 63  # of 7 x 9 bonds along x
+    for _, id_i, id_j, mode, *_, normal, _, _ in result["breaks"]:
+        limit = drawn(id_i, id_j) * np.pi * 1.0e-6
+        assert mode == 1 and limit < -normal < limit + 1.01 * step_force
+    strengths = [drawn(*row[:2]) for row in result["formed"] if row[4]]
+    at_floor = strengths.count(0.2e6)
+    assert result["counts"] == [len(strengths) - 63, len(strengths), at_floor, 63, 0] and at_floor > 5
 
 
 @pytest.mark.parallel
