@@ -34,6 +34,7 @@ def common_variables(case: RunCase) -> dict[str, object]:
         "gamman": case.normal_damping_per_s,
         "friction": case.material.friction,
         "tangential": tangential,
+        "bonded": int(case.bonds.enabled),
         "skin": SKIN_DIAMETERS * 2.0 * case.mean_radius_m,
         "time_step": case.time_step_s,
     }
