@@ -57,6 +57,21 @@ def test_force_of_a_moving_plane(normal: tuple) -> None:
     assert any(row[4][CONTACTS] == 2 for row in result["rows"]) == (inward > 0)  # the second grain is met by a plane that closes
 
 
+def travelling_scene(comm, plane_speed: float, grain_speed: float) -> dict:
+    """A plane and a grain, 6 mm apart at first, that run into each other."""
+    scene = Scene(comm, [Grain((0.01, 0.01, 0.01), v=(grain_speed, 0, 0))])
+    scene.commands(f"fix side all wall/plane normal 1 0 0 position 0.003 kn 1e6 velocity {plane_speed}", "fix move all nve/noforce")
+    scene.run(601)
+    return {"x": scene.gather("x")[0, 0], "f": scene.gather("f")[0, 0], "side": wall_state(scene, "side")}
+
+
+@pytest.mark.parametrize(("plane_speed", "grain_speed"), [(100.0, 0.0), (0.0, -100.0), (40.0, -60.0)])
+def test_plane_and_grain_meet_from_afar(plane_speed: float, grain_speed: float) -> None:
+    r = run_scene(travelling_scene, plane_speed=plane_speed, grain_speed=grain_speed)[0]
+    assert r["f"] == pytest.approx(1e6 * 1.0e-5, rel=1e-9) and r["side"][CONTACTS] == 1
+    assert r["f"] == pytest.approx(1e6 * (1.0e-3 - (r["x"] - r["side"][POSITION])), abs=1e-12)
+
+
 def column() -> list[Grain]:
     """Two layers of five grains in x, between planes at z = 0.005 and about 0.009 m."""
     return [Grain((0.012 + 4.0e-3 * k, 0.01, 0.006 + 2.0e-3 * layer)) for k in range(5) for layer in range(2)]

@@ -11,6 +11,7 @@
 #include "force.h"
 #include "input.h"
 #include "modify.h"
+#include "neighbor.h"
 #include "update.h"
 #include "variable.h"
 
@@ -195,13 +196,24 @@ void FixWallPlane::post_force(int)
   state_[work] += 0.5 * (before + state_[contact_force]) * into_grains;  // trapezoidal rule over the step
 }
 
+// As for neighbour lists: until the next one, grain and plane move by less than half of the skin each.
+void FixWallPlane::list_near_grains()
+{
+  near_.clear();
+  listed_position_ = state_[position];
+  for (int i = 0; i < atom->nlocal; ++i) {
+    if (!(atom->mask[i] & groupbit)) continue;
+    if (atom->radius[i] - inward_ * (atom->x[i][axis_] - listed_position_) > -neighbor->skin) near_.push_back(i);
+  }
+}
+
 void FixWallPlane::sum_contacts()
 {
   double sums[2] = {0.0, 0.0};  // force on the grains, number of contacts
   double **const x = atom->x, **const v = atom->v, **const f = atom->f;
   const double at = state_[position], speed = state_[velocity];
-  for (int i = 0; i < atom->nlocal; ++i) {
-    if (!(atom->mask[i] & groupbit)) continue;
+  if (neighbor->ago == 0 || std::fabs(at - listed_position_) > 0.5 * neighbor->skin) list_near_grains();
+  for (const int i : near_) {
     const double overlap = atom->radius[i] - inward_ * (x[i][axis_] - at);
     if (overlap <= 0.0) continue;
     const double dashpot = damping_ > 0.0 ? damping_ * atom->rmass[i] : 0.0;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "fix.h"
 
@@ -40,6 +41,7 @@ class FixWallPlane : public LAMMPS_NS::Fix {
   void read_velocity(Arguments &arguments);
   int find_variable(const Quantity &quantity, const char *keyword);
   double value_of(const Quantity &quantity, const char *keyword);
+  void list_near_grains();
   void sum_contacts();
   std::string command() const;
 
@@ -53,6 +55,8 @@ class FixWallPlane : public LAMMPS_NS::Fix {
   double speed_limit_ = 0.0;
   bool reset_ = false;
   double state_[state_columns] = {};
+  std::vector<int> near_;        // own grains that can touch before the next neighbour list
+  double listed_position_ = 0.0;
 };
 
 }  // namespace poreslip
