@@ -13,8 +13,9 @@ from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError
 
-FORMAT = 1
+FORMAT = 2
 PREFIX = "checkpoint-"
+PARTIAL_PREFIX = "partial-"
 ENGINE_FILE, STATE_FILE = "engine.restart", "state.json"
 #: Checkpoints kept besides the newest, against damage to it.
 KEPT_BEFORE = 1
@@ -32,7 +33,7 @@ def write(directory: Path, engine: Engine, comm, state: dict) -> None:
     The new one is made under another name and renamed, so that a kill at any moment leaves the last whole one.
     """
     final = directory / f"{PREFIX}{engine.step:012d}"
-    partial = directory / f"partial-{final.name}"
+    partial = directory / f"{PARTIAL_PREFIX}{final.name}"
     with raised_together(comm):
         if comm.rank == 0:
             shutil.rmtree(partial, ignore_errors=True)
@@ -61,7 +62,13 @@ def all_in(directory: Path) -> list[Path]:
     return sorted(path for path in directory.glob(f"{PREFIX}*") if path.is_dir())
 
 
-def read(directory: Path, case: RunCase, ranks: int) -> tuple[Path, dict]:
+def remove_partial(directory: Path) -> None:
+    """Remove what a kill left of checkpoints that were being written."""
+    for partial in directory.glob(f"{PARTIAL_PREFIX}{PREFIX}*"):
+        shutil.rmtree(partial)
+
+
+def read(directory: Path, case: RunCase) -> tuple[Path, dict]:
     """Newest checkpoint of a run: the engine's restart file and the driver's state, checked.
 
     Raises InputError where there is none, where it is damaged, or where it belongs to another case.
@@ -95,8 +102,6 @@ def read(directory: Path, case: RunCase, ranks: int) -> tuple[Path, dict]:
         raise InputError(f"{restart} has {size} bytes instead of {state['engine_bytes']}: it is truncated or missing; {advice}")
     if _digest(restart) != state["engine_sha256"]:
         raise InputError(f"{restart} is damaged: its content is not what was written; {advice}")
-    if state["ranks"] != ranks:
-        print(f"poreslip: the checkpoint is of {state['ranks']} ranks and goes on with {ranks}: the same to rounding, not bitwise", flush=True)
     return restart, state
 
 

@@ -57,12 +57,16 @@ class Run:
         """Run from the start, or from the newest checkpoint of the directory; collective."""
         case, comm = self.case, self.comm
         started = time.time()
-        state = restart_file = None
+        state = None
         if restart:
             with raised_together(comm):
-                restart_file, state = checkpoint.read(self.directory, case, comm.size)
-        with self.phases.timed("stages"):
-            stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
+                restart_file, state = checkpoint.read(self.directory, case)
+            stage = stages.Stage(restart_file, state["stage"])
+            if state["ranks"] != comm.size:
+                self._tell(f"the checkpoint is of {state['ranks']} ranks and goes on with {comm.size}: the same to rounding, not bitwise")
+        else:
+            with self.phases.timed("stages"):
+                stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
         fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
         walls = SceneWalls(case.scene, fault.lower, fault.upper, plate_areas(case, fault))
 
@@ -70,11 +74,12 @@ class Run:
         with raised_together(comm):
             output = RunOutput(self.directory, comm, state["tables"] if state else None)
         output.json("case.json", case.to_dict())
-        engine = LiggghtsEngine(comm, self.directory / "log.liggghts")
+        # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
+        engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
         with self.phases.timed("engine"):
-            engine.deck(stages.load_deck(case), load_variables(case, restart_file or stage.restart, fault))
+            engine.deck(stages.load_deck(case), load_variables(case, stage.restart, fault))
         if state is None:
-            state = self._initial_state(engine, fault, walls)
+            state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         flow = self._flow(engine, fault, walls)
         measures = Measures(case, fault, walls, state["reference"])
         measures.reset_rate(tuple(state["previous"]) if state["previous"] else None)

@@ -36,7 +36,7 @@ class Loading:
         self._case, self._engine, self._comm = case, engine, comm
         self._flow, self._measures, self._output, self._snapshots, self._phases = flow, measures, output, snapshots, phases
         self.walls = walls
-        self._reference = state["reference"]
+        self._reference, self._stage = state["reference"], state["stage"]
         self._broken = list(state["broken"])
         self._rebuilds_before = state["rebuilds"]
         self._steps = case.loading_steps
@@ -112,6 +112,7 @@ class Loading:
             self._output.history(row)
             self._output.breaks(rows, row["strain"])
         self.last = row
+        self.worst["momentum_residual"] = max(self.worst.get("momentum_residual", 0.0), self._flow.momentum_residual)
         for name in ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "kinetic_energy_J"):
             self.worst[name] = max(self.worst.get(name, 0.0), row[name])
         left, right = row["sigma_h_left_Pa"], row["sigma_h_right_Pa"]
@@ -127,6 +128,7 @@ class Loading:
             state = {
                 "step": self._engine.step,
                 "reference": self._reference,
+                "stage": self._stage,
                 "broken": self._broken,
                 "rebuilds": self._rebuilds,
                 "previous": self._measures.previous,

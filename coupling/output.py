@@ -6,10 +6,12 @@ import csv
 import io
 import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 
+from coupling import checkpoint
 from coupling.errors import InputError
 from coupling.measures import HISTORY_COLUMNS
 
@@ -40,6 +42,9 @@ class RunOutput:
         if not self._writes:
             return
         directory.mkdir(parents=True, exist_ok=True)
+        checkpoint.remove_partial(directory)
+        if resume is None:
+            self._remove_former_run()
         for name, columns in (("history.csv", HISTORY_COLUMNS), ("bonds.csv", BOND_COLUMNS)):
             path = directory / name
             if resume is not None:
@@ -52,6 +57,16 @@ class RunOutput:
             if resume is None:
                 csv.writer(file, lineterminator="\n").writerow(columns)
                 file.flush()
+
+    def _remove_former_run(self) -> None:
+        """Remove what an earlier run into the same directory wrote and this one may not write over."""
+        for former in checkpoint.all_in(self.directory):
+            shutil.rmtree(former)
+        for pattern in ("report.json", "report.md", "log-from-*.liggghts", "snapshots/grains_*.vtu", "snapshots/contacts_*.vtu", "snapshots/index.csv"):
+            for former in self.directory.glob(pattern):
+                former.unlink()
+        if (self.directory / "snapshots").is_dir() and not any((self.directory / "snapshots").iterdir()):
+            (self.directory / "snapshots").rmdir()
 
     def history(self, row: dict[str, float]) -> None:
         """Append a line to history.csv."""

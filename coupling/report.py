@@ -17,6 +17,7 @@ STATED_RANGES = {
     "unbalanced_force_ratio": (5e-2, "the loading is not quasi-static: lower loading.strain_rate_per_s"),
     "wall_stress_difference": (0.1, "left and right wall do not bear the same stress: lower loading.strain_rate_per_s"),
     "inertial_number": (1e-2, "the gouge flows inertially: lower loading.strain_rate_per_s"),
+    "momentum_residual": (1e-10, "the fluid's forces on grains and walls do not sum to zero: a defect, please report it"),
     "overlap_max_over_d": (2e-2, "grains overlap by more than 2 % of d: raise material.modulus_Pa, or lower the stress"),
 }
 
@@ -62,7 +63,7 @@ def write_report(
         "quasi_static_checks": loading.worst,
         "wall_speed_limited_steps": {name: engine.wall(name).limited for name in flow_walls(loading)},
         "pore_network_by_rank": network,
-        "momentum_residual": getattr(flow, "momentum_residual", 0.0),
+        "momentum_residual": loading.worst["momentum_residual"],
         "last": loading.last,
         "warnings": warnings,
     }
