@@ -19,6 +19,8 @@ PACK_TIME_STEP_FRACTION = 0.6
 LARGEST_MOVE_DIAMETERS = 0.01
 #: Bonds may stretch to the strength this many standard deviations above the mean before the neighbour list loses them.
 STRETCH_DEVIATIONS = 6.0
+#: In the supplement's scene the grains this close to an x wall carry the shear stress, in mean diameters.
+GRIP_DIAMETERS = 2.0
 
 
 def common_variables(case: RunCase) -> dict[str, object]:
@@ -83,15 +85,24 @@ def stress_variables(case: RunCase, before) -> dict[str, object]:
         "interface_left_x": left[0], "interface_left_z": left[2],
         "interface_right_x": right[0], "interface_right_z": right[2],
         "end_band": case.fault.end_band_m,
-        "area_x": (upper[1] - lower[1]) * (upper[2] - lower[2]),
+        "area_x": fault.x_wall_area,
     }  # fmt: skip
+    values |= _supplement_variables(case, fault)
     return values | {f"area_{plate[2:]}": area for plate, area in plate_areas(case, fault).items()}
+
+
+def _supplement_variables(case: RunCase, fault: FaultGeometry) -> dict[str, object]:
+    """For held_supplement.include; empty in other scenes."""
+    if case.scene != "supplement":
+        return {}
+    return {"shear_stress": case.supplement.shear_stress_Pa, "fault_area": fault.x_wall_area, "grip": GRIP_DIAMETERS * 2.0 * case.mean_radius_m}
 
 
 def bond_variables(case: RunCase, before) -> dict[str, object]:
     """For in.bond: the strengths."""
     bonds = case.bonds
-    return common_variables(case) | {
+    fault = fault_geometry(case, before.manifest["geometry"], case.pack.box_m[2])
+    return common_variables(case) | _supplement_variables(case, fault) | {
         "restart_in": before.restart,
         "bond_strength_mean": bonds.strength_mean_Pa,
         "bond_strength_sd": bonds.strength_sd_Pa,
@@ -109,8 +120,7 @@ def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[s
         "pore_force": case.flow.pore_force if case.needs_mesh else "none",
     }
     if case.scene == "supplement":
-        loads = case.supplement
-        values |= {"normal_stress": loads.normal_stress_Pa, "shear_stress": loads.shear_stress_Pa}
+        values |= _supplement_variables(case, fault) | {"normal_stress": case.supplement.normal_stress_Pa, "area_x": fault.x_wall_area}
     else:
         values |= {
             "wall_speed": 0.5 * case.loading.strain_rate_per_s * (fault.upper[0] - fault.lower[0]),

@@ -41,6 +41,11 @@ class FaultGeometry:
         dip = math.radians(self.dip_degrees)
         return np.array([math.cos(dip), 0.0, -math.sin(dip)])
 
+    @property
+    def x_wall_area(self) -> float:
+        """Area of an x wall, m^2."""
+        return (self.upper[1] - self.lower[1]) * (self.upper[2] - self.lower[2])
+
     def across(self, position: np.ndarray) -> np.ndarray:
         """Distance of points (n, 3) from the middle of the layer, m, positive towards the right block; (n,)."""
         return (position - self.centre) @ self.normal

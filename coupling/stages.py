@@ -192,8 +192,7 @@ def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, be
     engine.deck(deck, stress_variables(case, before))
     packed = before.manifest["walls"]
     fault = fault_geometry(case, packed, case.pack.box_m[2])
-    depth, height = (upper - lower for lower, upper in zip(fault.lower[1:], fault.upper[1:]))
-    areas = plate_areas(case, fault) | {"x_left": depth * height, "x_right": depth * height}
+    areas = plate_areas(case, fault) | {"x_left": fault.x_wall_area, "x_right": fault.x_wall_area}
     _settle(engine, comm, "initial stress", lambda: {name: case.initial_stress_Pa * area for name, area in areas.items()}, STRESS_BALANCED,
             STRESS_WALL_TOLERANCE)
     return before.manifest | {"walls": wall_positions(engine, SCENE_WALLS[case.scene]), "geometry": packed}
