@@ -28,7 +28,7 @@ LEAST_VOID_SHARE = 0.05
 ForceLaw = Literal["total", "pressure"]
 
 
-def _array(name: str, value: Any, dtype: type, shape: tuple[int | None, ...], faults: list[str]) -> NDArray[Any]:
+def checked_array(name: str, value: Any, dtype: type, shape: tuple[int | None, ...], faults: list[str]) -> NDArray[Any]:
     """`value` as a C-contiguous array; a wrong type or shape is added to `faults`."""
     array = np.asarray(value)
     shown = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
@@ -62,7 +62,7 @@ class PoreNetwork:
         periodic: Sequence[bool] = (False, False, False),
     ) -> None:
         faults: list[str] = []
-        box = [_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
+        box = [checked_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
         if len(periodic) != 3:
             faults.append(f"periodic has {len(periodic)} entries: expected 3, for x, y and z")
         for fault in comm.allgather(faults[0] if faults else ""):
@@ -71,7 +71,18 @@ class PoreNetwork:
         self._native = _native.PoreNetwork(
             comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic]
         )
+        self.comm = comm
+        self.periodic = tuple(bool(p) for p in periodic)
         self._faces = np.stack(box, axis=1).reshape(1, 6)
+
+    @property
+    def native(self) -> Any:
+        """The native object, for the native flow solver."""
+        return self._native
+
+    def agree(self, faults: Sequence[str]) -> None:
+        """Raise InputError on all ranks if any rank has a fault; with the first fault of the lowest such rank."""
+        self._native.agree(faults[0] if faults else "")
 
     def update(
         self,
@@ -103,15 +114,15 @@ class PoreNetwork:
         "kept" or "rebuilt", the same on all ranks.
         """
         faults: list[str] = []
-        ids = _array("id", id, np.int64, (None,), faults)
+        ids = checked_array("id", id, np.int64, (None,), faults)
         n = len(ids)
-        positions = _array("position", position, np.float64, (n, 3), faults)
-        radii = _array("radius", radius, np.float64, (n,), faults)
-        groups = np.zeros(n, np.int32) if group is None else _array("group", group, np.int32, (n,), faults)
-        planes = self._faces if wall_position is None else _array("wall_position", wall_position, np.float64, (None, 6), faults)
+        positions = checked_array("position", position, np.float64, (n, 3), faults)
+        radii = checked_array("radius", radius, np.float64, (n,), faults)
+        groups = np.zeros(n, np.int32) if group is None else checked_array("group", group, np.int32, (n,), faults)
+        planes = self._faces if wall_position is None else checked_array("wall_position", wall_position, np.float64, (None, 6), faults)
         if len(planes) == 0 and not faults:
             faults.append("wall_position has no rows: expected one for each group of grains")
-        self._native.agree(faults[0] if faults else "")
+        self.agree(faults)
         return self._native.update(ids, positions, radii, groups, planes, rebuild)
 
     @property
@@ -187,8 +198,8 @@ class PoreNetwork:
         faults: list[str] = []
         if law not in ("total", "pressure"):
             faults.append(f'law is {law!r}: expected "total" or "pressure"')
-        pressures = _array("pressure", pressure, np.float64, (self.pores,), faults)
-        self._native.agree(faults[0] if faults else "")
+        pressures = checked_array("pressure", pressure, np.float64, (self.pores,), faults)
+        self.agree(faults)
         return self._native.forces(pressures, law)
 
     def volume_rate(self, velocity: ArrayLike, wall_velocity: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -203,11 +214,17 @@ class PoreNetwork:
             Speed of each wall by group. Default: walls at rest.
         """
         faults: list[str] = []
-        velocities = _array("velocity", velocity, np.float64, (self._native.grains, 3), faults)
+        velocities = checked_array("velocity", velocity, np.float64, (self._native.grains, 3), faults)
         shape = (self._native.groups, 6)
-        walls = np.zeros(shape) if wall_velocity is None else _array("wall_velocity", wall_velocity, np.float64, shape, faults)
-        self._native.agree(faults[0] if faults else "")
+        walls = np.zeros(shape) if wall_velocity is None else checked_array("wall_velocity", wall_velocity, np.float64, shape, faults)
+        self.agree(faults)
         return self._native.volume_rate(velocities, walls)
+
+    def roof_area(self, face: str) -> NDArray[np.float64]:
+        """(m,) float64, m^2: area of each pore's cell on the wall "xmin" ... "zmax". Collective."""
+        speed = np.zeros((self._native.groups, 6))
+        speed[:, ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax").index(face)] = 1.0
+        return self._native.volume_rate(np.zeros((self._native.grains, 3)), speed)
 
     def report(self) -> dict[str, Any]:
         """Counts over all ranks (grains, pores, throats, hidden_grains, kept, rebuilt, exact_tests of the last certificate),

@@ -88,3 +88,21 @@ def test_ties_close(basis, diameter, periodic):
     walls = wall_force[0, 1::2] - wall_force[0, ::2]
     assert np.abs(force.sum(axis=0) + walls).max() < 1e-11
     assert net.update(np.arange(len(x)), x, np.full(len(x), r)) == "kept"  # a tie stays valid
+
+
+def test_bcc_closed_form_by_the_flow_solver():
+    """Driven by a body force, periodic all round: nothing fixes the pressure but its mean."""
+    from flowsolver.flow import Boundary, PoreFlow
+
+    d = np.sqrt(3) / 2
+    net, _ = network(BCC, 3, d)
+    flow = PoreFlow(net, viscosity=1.0)
+    flow.refresh(body_force=(1.0, 0.0, 0.0))
+    result = flow.steady(Boundary(), tolerance=1e-13)
+    left, right = net.pores_of_throat[net.owned_throats].T
+    centre = net.pore_centre
+    step = centre[right, 0] - centre[left, 0]
+    step -= 3 * np.round(step / 3)
+    darcy = (flow.conductance * (result.pressure[left] - result.pressure[right] + step) * step).sum() / 27
+    area, perimeter = np.sqrt(2) / 4 - 3 * np.pi / 32, np.pi * d / 2 + 1 - d
+    assert darcy == pytest.approx(8 * 3 * area**3 / (5 * perimeter**2) * np.sqrt(2) / 4, rel=1e-10)

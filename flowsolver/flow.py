@@ -1,0 +1,233 @@
+"""Flow of a fluid through a pore network: steady, implicit and explicit, (7)-(13) of Yang & Juanes (2018)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import ArrayLike, NDArray
+
+from flowsolver.native import load
+from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, PoreNetwork, checked_array
+
+_native = load("poreslip_flow")
+
+FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+TOLERANCE = 1e-10
+"""Default relative tolerance of the linear solver: the balance of mass closes as well as this."""
+LIMIT_SHARE = 0.9
+"""Explicit steps take this share of their stability limit."""
+MOST_SUBSTEPS = 1_000_000
+
+ConductanceLaw = Literal["duct", "hydraulic-radius"]
+PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What is given at the edges of the flow. A wall that is not named lets nothing through.
+
+    pressure
+        Face ("xmin" ... "zmax") to pressure in Pa, or to a function of pore centres (k, 3) in m that returns (k,) Pa: the pores
+        that touch that wall have this pressure.
+    inflow
+        Face to Darcy velocity into the box, m/s, spread over the wall.
+    points
+        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
+    """
+
+    pressure: Mapping[str, PressureValue] = field(default_factory=dict)
+    inflow: Mapping[str, float] = field(default_factory=dict)
+    points: Sequence[tuple[float, float, float, float]] = ()
+
+
+@dataclass(frozen=True)
+class FlowResult:
+    """One solve.
+
+    pressure : (m,) float64, Pa, of all pores that this rank sees
+    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for the points
+    mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput
+    report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
+        substeps, and this rank's seconds {assemble, setup, solve}
+    """
+
+    pressure: NDArray[np.float64]
+    outflow: dict[str, float]
+    mass_residual: float
+    report: dict[str, Any]
+
+
+class PoreFlow:
+    """Flow through the pores of a `PoreNetwork`, which must have been updated before.
+
+    Parameters
+    ----------
+    network
+        Its grains' present places are taken up by `refresh`.
+    viscosity : Pa s
+    compressibility : 1/Pa
+    conductance
+        "duct": (6), C = 3 A^3 / (5 viscosity P^2); "hydraulic-radius": A R_h^2 / (2 viscosity) (Chareyre et al. 2012).
+    least_open_share, least_void_share
+        Limiter: a throat's open area counts as at least this share of its facet; a pore's void, for storage only, as at least
+        this share of its cell. What it touches is counted in each report.
+    petsc_options
+        As on a PETSc command line; those of the linear solver begin with -flow_, as in "-flow_ksp_view -flow_pc_type gamg".
+    """
+
+    def __init__(
+        self,
+        network: PoreNetwork,
+        viscosity: float,
+        compressibility: float = 0.0,
+        conductance: ConductanceLaw = "duct",
+        least_open_share: float = LEAST_OPEN_SHARE,
+        least_void_share: float = LEAST_VOID_SHARE,
+        petsc_options: str = "",
+    ) -> None:
+        faults = []
+        for name, value, positive in (
+            ("viscosity", viscosity, True),
+            ("compressibility", compressibility, False),
+            ("least_open_share", least_open_share, False),
+            ("least_void_share", least_void_share, False),
+        ):
+            if not (np.isfinite(value) and (value > 0 or (value == 0 and not positive))):
+                faults.append(f"{name} is {value!r}: expected a finite number {'above 0' if positive else 'of 0 or more'}")
+        if conductance not in ("duct", "hydraulic-radius"):
+            faults.append(f'conductance is {conductance!r}: expected "duct" or "hydraulic-radius"')
+        network.agree(faults)
+        self.network = network
+        self._native = _native.PoreFlow(
+            network.native, float(viscosity), float(compressibility), conductance, least_open_share, least_void_share, petsc_options
+        )
+        self.refresh()
+
+    def refresh(self, body_force: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        """Take up the network's present geometry. body_force : (3,) Pa/m, on the fluid, such as density times gravity."""
+        faults: list[str] = []
+        force = checked_array("body_force", body_force, np.float64, (3,), faults)
+        self.network.agree(faults)
+        self._native.refresh([float(f) for f in force])
+
+    @property
+    def conductance(self) -> NDArray[np.float64]:
+        """(t,) float64, m^3/(Pa s), local: C / l of the throats that this rank owns (`network.owned_throats`), in order."""
+        return self._native.conductance()
+
+    @conductance.setter
+    def conductance(self, value: ArrayLike) -> None:
+        faults: list[str] = []
+        array = checked_array("conductance", value, np.float64, self._native.conductance().shape, faults)
+        if not (np.isfinite(array) & (array >= 0)).all():
+            faults.append("conductance has entries that are negative or not finite")
+        self.network.agree(faults)
+        self._native.set_conductance(array)
+
+    @property
+    def storage(self) -> NDArray[np.float64]:
+        """(m,) float64, m^3/Pa, local: compressibility times (limited) void volume of each pore."""
+        return self._native.storage()
+
+    def steady(
+        self, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
+    ) -> FlowResult:
+        """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean
+        over the pores is kept."""
+        return self._solve(boundary, pressure, volume_rate, 0.0, tolerance)
+
+    def implicit(
+        self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
+    ) -> FlowResult:
+        """One step of backward Euler (10)-(13) over `dt` (s) from `pressure` (m,) Pa. volume_rate (m,), m^3/s: dV/dt of the pores
+        (`PoreNetwork.volume_rate`)."""
+        self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
+        return self._solve(boundary, pressure, volume_rate, float(dt), tolerance)
+
+    def explicit(
+        self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
+    ) -> FlowResult:
+        """Explicit steps (9) over `dt` (s), as many as the stability limit asks for. The outflow is that at the end."""
+        self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
+        fixed, owner, start, before, source, rate = self._conditions(boundary, pressure, volume_rate)
+        if self.storage.size and not (self.storage > 0).all():
+            self.network.agree(["explicit flow needs a fluid with compressibility above 0"])
+        self.network.agree([])
+        after, report = self._native.step_explicit(fixed, start, source, rate, float(dt), LIMIT_SHARE, most_substeps)
+        supply = self._native.outflow(after) - source + rate
+        return FlowResult(after, self._outflow(boundary, owner, supply), float("nan"), report)
+
+    def _solve(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None, dt: float, tolerance: float) -> FlowResult:
+        self.network.agree([] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"])
+        fixed, owner, start, before, source, rate = self._conditions(boundary, pressure, volume_rate)
+        after, report = self._native.solve(fixed, start, source, rate, dt, tolerance)
+        # What must come from outside for every pore's balance (7) to hold: through a face where the pressure is given, else 0.
+        supply = self._native.outflow(after) - source + rate
+        if dt > 0:
+            supply += self.storage * (after - before) / dt
+        owned = self.network.owned
+        sums = np.array([supply[owned & ~fixed].sum(), np.abs(supply[owned & fixed]).sum() + np.abs(source[owned]).sum() + np.abs(rate[owned]).sum()])
+        self.network.comm.Allreduce(MPI.IN_PLACE, sums)
+        residual = abs(sums[0]) / sums[1] if sums[1] > 0 else 0.0
+        return FlowResult(after, self._outflow(boundary, owner, supply), residual, report)
+
+    def _conditions(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None):
+        """Arrays of one solve: fixed, which condition fixed it, start, pressure before, source, volume rate; each (m,)."""
+        network, faults = self.network, []
+        m = network.pores
+        before = np.zeros(m) if pressure is None else checked_array("pressure", pressure, np.float64, (m,), faults)
+        rate = np.zeros(m) if volume_rate is None else checked_array("volume_rate", volume_rate, np.float64, (m,), faults)
+        if not np.isfinite(before).all():
+            faults.append("pressure has entries that are not finite")
+        if not np.isfinite(rate).all():
+            faults.append("volume_rate has entries that are not finite")
+        for face in [*boundary.pressure, *boundary.inflow]:
+            if face not in FACES:
+                faults.append(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
+            elif network.periodic[FACES.index(face) // 2]:
+                faults.append(f"face {face!r} is periodic: it takes neither pressure nor inflow")
+        for face, value in boundary.inflow.items():
+            if face in boundary.pressure:
+                faults.append(f"face {face!r} has both a pressure and an inflow")
+            if not np.isfinite(value):
+                faults.append(f"the inflow of face {face!r} is {value!r}: expected a finite number in m/s")
+        network.agree(faults)
+
+        owner = np.full(m, -1)
+        start, source = before.copy(), np.zeros(m)
+        vertices, centre = network.grains_of_pore, network.pore_centre
+        for index, (face, value) in enumerate(boundary.pressure.items()):
+            touching = (vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0)
+            given = value(centre[touching]) if callable(value) else value
+            start[touching] = given
+            owner[touching] = index
+        for point in boundary.points:
+            distance = np.where(network.owned, np.linalg.norm(centre - np.array(point[:3]), axis=1), np.inf) if m else np.array([np.inf])
+            nearest, rank = network.comm.allreduce((float(distance.min()), network.comm.rank), op=MPI.MINLOC)
+            nearest_id = network.comm.bcast(tuple(vertices[distance.argmin()]) if rank == network.comm.rank else None, root=rank)
+            holds = (vertices == np.array(nearest_id)).all(axis=1) | (np.sort(vertices, axis=1) == np.sort(nearest_id)).all(axis=1)
+            start[holds] = point[3]
+            owner[holds] = len(boundary.pressure)
+        if not np.isfinite(start).all():
+            faults.append("a given pressure is not a finite number")
+        network.agree(faults)
+        for face, velocity in boundary.inflow.items():
+            source += velocity * network.roof_area(face)
+        return owner >= 0, owner, start, before, source, rate
+
+    def _outflow(self, boundary: Boundary, owner: NDArray[np.int_], supply: NDArray[np.float64]) -> dict[str, float]:
+        """Flow out of the box, m^3/s, by face and over all ranks."""
+        names = [*boundary.pressure, *(["points"] if boundary.points else [])]
+        owned = self.network.owned
+        sums = np.array([-supply[owned & (owner == k)].sum() for k in range(len(names))])
+        self.network.comm.Allreduce(MPI.IN_PLACE, sums)
+        outflow = dict(zip(names, sums.tolist()))
+        for face, velocity in boundary.inflow.items():
+            area = np.array([self.network.roof_area(face)[owned].sum()])
+            self.network.comm.Allreduce(MPI.IN_PLACE, area)
+            outflow[face] = -velocity * float(area[0])
+        return outflow

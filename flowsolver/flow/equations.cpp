@@ -1,0 +1,108 @@
+// Numbering of the unknowns and assembly of their equations, (7) and (10)-(13).
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "flow/pore_flow.hpp"
+#include "flow/rows.hpp"
+#include "flow/sum.hpp"
+
+namespace poreslip::flow {
+namespace {
+
+// One side of a throat whose pore another rank owns.
+struct RemoteSide {
+  std::int32_t pore;     // index at its owner
+  std::int32_t unused;
+  double conductance;    // C / l
+  double head;           // gain of the body force from that pore to the other
+  double column;         // global number of the other pore, -1 if its pressure is given
+  double pressure;       // of the other pore
+};
+
+std::vector<RemoteSide> deliver(MPI_Comm comm, const std::vector<std::vector<RemoteSide>>& out) {
+  const int ranks = static_cast<int>(out.size());
+  std::vector<int> count(ranks), start(ranks, 0), received_count(ranks), received_start(ranks, 0);
+  std::vector<RemoteSide> sent;
+  for (int r = 0; r < ranks; ++r) {
+    start[r] = static_cast<int>(sent.size());
+    count[r] = static_cast<int>(out[r].size());
+    sent.insert(sent.end(), out[r].begin(), out[r].end());
+  }
+  MPI_Alltoall(count.data(), 1, MPI_INT, received_count.data(), 1, MPI_INT, comm);
+  for (int r = 1; r < ranks; ++r) received_start[r] = received_start[r - 1] + received_count[r - 1];
+  std::vector<RemoteSide> received(received_start.back() + received_count.back());
+  MPI_Datatype type;
+  MPI_Type_contiguous(sizeof(RemoteSide), MPI_BYTE, &type);
+  MPI_Type_commit(&type);
+  MPI_Alltoallv(sent.data(), count.data(), start.data(), type, received.data(), received_count.data(),
+                received_start.data(), type, comm);
+  MPI_Type_free(&type);
+  return received;
+}
+
+}  // namespace
+
+// Numbers the pores whose pressure is not given, rank by rank, along the Hilbert curve.
+void PoreFlow::number(const bool* fixed) {
+  const std::size_t n = network_.pores();
+  fixed_.resize(n);
+  for (std::size_t c = 0; c < n; ++c) fixed_[c] = fixed[c] ? 1.0 : 0.0;
+  network_.exchange().fetch(fixed_.data());
+  free_.clear();
+  for (std::size_t c = 0; c < n; ++c)
+    if (network_.owned()[c] && fixed_[c] == 0.0) free_.push_back(static_cast<std::int32_t>(c));
+  std::int64_t count = static_cast<std::int64_t>(free_.size()), before = 0;
+  MPI_Exscan(&count, &before, 1, MPI_INT64_T, MPI_SUM, comm_);
+  int rank = 0;
+  MPI_Comm_rank(comm_, &rank);
+  if (rank == 0) before = 0;
+  first_row_ = static_cast<PetscInt>(before);
+  all_rows_ = static_cast<PetscInt>(sum(comm_, count));
+  column_.assign(n, -1.0);
+  for (std::size_t k = 0; k < free_.size(); ++k) column_[free_[k]] = static_cast<double>(before + k);
+  network_.exchange().fetch(column_.data());
+}
+
+void PoreFlow::assemble(const Conditions& conditions, double dt, double reference, Rows& rows) {
+  const Mesh& mesh = network_.mesh();
+  const std::size_t n = network_.pores();
+  const PoreExchange& exchange = network_.exchange();
+  std::vector<double> pressure(conditions.pressure, conditions.pressure + n);
+  exchange.fetch(pressure.data());
+  rows.diagonal.assign(n, 0.0);
+  rows.right.assign(n, 0.0);
+  rows.terms.assign(n, 0.0);
+  rows.value.assign(n, {});
+  rows.column.assign(n, {});
+  rows.filled.assign(n, 0);
+  int ranks = 1;
+  MPI_Comm_size(comm_, &ranks);
+  std::vector<std::vector<RemoteSide>> remote(ranks);
+  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
+    const double c = throats_.conductance[t];
+    if (c == 0.0) continue;
+    const std::int32_t left = mesh.facet.left[throats_.facet[t]], right = mesh.facet.right[throats_.facet[t]];
+    for (const auto& [pore, other, head] :
+         {std::tuple{left, right, throats_.head[t]}, std::tuple{right, left, -throats_.head[t]}}) {
+      if (fixed_[pore] != 0.0) continue;
+      if (network_.owned()[pore]) rows.couple(pore, c, head, column_[other], pressure[other], reference);
+      else
+        remote[exchange.owner_rank(pore)].push_back(
+            {exchange.owner_index(pore), 0, c, head, column_[other], pressure[other]});
+    }
+  }
+  for (const RemoteSide& s : deliver(comm_, remote))
+    rows.couple(s.pore, s.conductance, s.head, s.column, s.pressure, reference);
+  for (const std::int32_t c : free_) {
+    rows.right[c] += conditions.source[c] - conditions.volume_rate[c];
+    rows.terms[c] += std::abs(conditions.source[c]) + std::abs(conditions.volume_rate[c]);
+    if (dt > 0.0) {
+      rows.diagonal[c] += storage_[c] / dt;
+      rows.right[c] += storage_[c] / dt * (pressure[c] - reference);
+      rows.terms[c] += storage_[c] / dt * std::abs(pressure[c]);
+    }
+  }
+}
+
+}  // namespace poreslip::flow

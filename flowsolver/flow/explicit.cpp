@@ -1,0 +1,73 @@
+// Explicit steps (9), and the flow (8) of given pressures.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "flow/pore_flow.hpp"
+#include "flow/sum.hpp"
+#include "tessellation/agreement.hpp"
+
+namespace poreslip::flow {
+namespace {
+
+double elapsed(double since) { return MPI_Wtime() - since; }
+
+}  // namespace
+
+void PoreFlow::outflow(const double* pressure, double* flow) {
+  const Mesh& mesh = network_.mesh();
+  std::fill_n(flow, network_.pores(), 0.0);
+  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
+    const std::int32_t left = mesh.facet.left[throats_.facet[t]], right = mesh.facet.right[throats_.facet[t]];
+    const double q = throats_.conductance[t] * (pressure[left] - pressure[right] + throats_.head[t]);
+    flow[left] += q;
+    flow[right] -= q;
+  }
+  network_.exchange().add_to_owner(flow);
+  network_.exchange().fetch(flow);
+}
+
+SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
+                                    double* pressure) {
+  SolveReport report{};
+  const double clock = MPI_Wtime();
+  const Mesh& mesh = network_.mesh();
+  const std::size_t n = network_.pores();
+  number(conditions.fixed);
+  std::copy_n(conditions.pressure, n, pressure);
+  network_.exchange().fetch(pressure);
+  report.unknowns = all_rows_;
+  report.limited_pores = sum(comm_, limited_pores_);
+  report.limited_throats = sum(comm_, throats_.limited);
+  std::vector<double> total(n, 0.0), flow(n);
+  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
+    total[mesh.facet.left[throats_.facet[t]]] += throats_.conductance[t];
+    total[mesh.facet.right[throats_.facet[t]]] += throats_.conductance[t];
+  }
+  network_.exchange().add_to_owner(total.data());
+  // (9) is stable up to the smallest beta V / sum(C / l); a free pore without storage has no limit at all.
+  double rate = 0.0;
+  for (const std::int32_t c : free_) rate = std::max(rate, total[c] / storage_[c]);
+  MPI_Allreduce(MPI_IN_PLACE, &rate, 1, MPI_DOUBLE, MPI_MAX, comm_);
+  const double steps = std::max(1.0, std::ceil(dt * rate / limit_share));
+  std::string fault;
+  if (!(steps <= static_cast<double>(most_substeps))) {
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "explicit flow over %g s needs %.3g steps of at most %g s, more than the %lld allowed; use the implicit scheme",
+                  dt, steps, limit_share / rate, static_cast<long long>(most_substeps));
+    fault = text;
+  }
+  agree_on_input(comm_, fault);
+  report.substeps = static_cast<std::int64_t>(steps);
+  for (std::int64_t s = 0; s < report.substeps; ++s) {
+    outflow(pressure, flow.data());
+    for (const std::int32_t c : free_)
+      pressure[c] += dt / steps * (conditions.source[c] - conditions.volume_rate[c] - flow[c]) / storage_[c];
+    network_.exchange().fetch(pressure);
+  }
+  report.solve = elapsed(clock);
+  return report;
+}
+
+}  // namespace poreslip::flow

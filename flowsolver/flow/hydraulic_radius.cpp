@@ -1,0 +1,71 @@
+#include "flow/hydraulic_radius.hpp"
+
+#include <cmath>
+
+#include "geometry/facets.hpp"
+#include "geometry/vector3.hpp"
+
+namespace poreslip::flow {
+namespace {
+
+Vector3 outward(Vertex wall) {
+  Vector3 n{0.0, 0.0, 0.0};
+  n[wall_axis(wall_of(wall))] = wall_sign(wall_of(wall));
+  return n;
+}
+
+// Point of equal power to the cell's grains, on the planes of its walls; relative to a grain of the cell, `origin`.
+Vector3 power_centre(const Mesh& mesh, const GrainView& grains, std::size_t cell, Vertex origin) {
+  Vector3 row[3];
+  double right[3];
+  int n = 0;
+  for (int k = 0; k < 4; ++k) {
+    const Vertex v = mesh.cell_vertex[k][cell];
+    if (v == origin) continue;
+    if (is_wall(v)) {
+      row[n] = outward(v);
+      right[n] = grains.gap(origin, wall_of(v));
+    } else {
+      row[n] = grains.position(v) - grains.position(origin);
+      const double r = grains.radius[v], r0 = grains.radius[origin];
+      right[n] = 0.5 * (dot(row[n], row[n]) - (r - r0) * (r + r0));
+    }
+    ++n;
+  }
+  const Vector3 a = cross(row[1], row[2]), b = cross(row[2], row[0]), c = cross(row[0], row[1]);
+  const double det = dot(row[0], a);
+  return (right[0] / det) * a + (right[1] / det) * b + (right[2] / det) * c;
+}
+
+}  // namespace
+
+ThroatBody throat_body(const Mesh& mesh, const GrainView& grains, std::size_t f) {
+  Vertex v[3];
+  for (int k = 0; k < 3; ++k) v[k] = mesh.facet.vertex[k][f];
+  const Vector3 left = power_centre(mesh, grains, mesh.facet.left[f], v[0]);
+  const Vector3 right = power_centre(mesh, grains, mesh.facet.right[f], v[0]);
+  const geometry::FacetShares shares = geometry::facet_shares(mesh.facet.view(), grains, f, geometry::ForceLaw::total);
+  const double area = shares.share[0] + shares.share[1] + shares.share[2];
+  // A pyramid on the far side of its facet counts as negative: then the two are the body between the centres.
+  const double height_left = -dot(left, shares.normal), height_right = dot(right, shares.normal);
+  double space = area * (height_left + height_right) / 3.0, surface = 0.0;
+  for (int k = 0; k < 3 && !is_wall(v[k]); ++k) {
+    const Vector3 to_origin = grains.position(v[0]) - grains.position(v[k]);
+    Vector3 d[2];
+    int n = 0;
+    for (int o = 0; o < 3; ++o)
+      if (o != k) d[n++] = is_wall(v[o]) ? outward(v[o]) : grains.position(v[o]) - grains.position(v[k]);
+    for (const auto& [centre, height] : {std::pair{left, height_left}, std::pair{right, height_right}}) {
+      const Vector3 p = to_origin + centre;
+      const double l0 = norm(d[0]), l1 = norm(d[1]), lp = norm(p);
+      const double angle = 2.0 * std::atan2(std::abs(dot(p, cross(d[0], d[1]))),
+                                            l0 * l1 * lp + dot(d[0], d[1]) * lp + dot(d[1], p) * l0 + dot(d[0], p) * l1);
+      const double r = grains.radius[v[k]], part = height > 0.0 ? angle : -angle;
+      surface += part * r * r;
+      space -= part * r * r * r / 3.0;
+    }
+  }
+  return {surface > 0.0 ? space / surface : 0.0, norm(right - left)};
+}
+
+}  // namespace poreslip::flow

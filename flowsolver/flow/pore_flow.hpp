@@ -1,0 +1,96 @@
+// Flow through a pore network on PETSc: equations (7)-(13). Steady, implicit and explicit.
+#pragma once
+
+#include <petscksp.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "flow/conductance.hpp"
+#include "network/pore_network.hpp"
+
+namespace poreslip::flow {
+
+// What acts in one solve. Arrays over all local pores, as the network counts them; values at copies are not used.
+struct Conditions {
+  const bool* fixed;            // pores whose pressure is given
+  const double* pressure;       // start, and where fixed the given value, Pa
+  const double* source;         // given inflow, m^3/s
+  const double* volume_rate;    // dV/dt of the pores, m^3/s
+};
+
+struct SolveReport {
+  std::int64_t unknowns;        // over all ranks
+  std::int64_t isolated;        // free pores without any throat that conducts, over all ranks
+  std::int64_t limited_pores, limited_throats;
+  int iterations;
+  int reason;                   // PETSc's
+  double residual;              // norm at the end
+  bool preconditioner_kept;
+  std::int64_t substeps;        // of explicit
+  double assemble, setup, solve;  // seconds of this rank
+};
+
+class PoreFlow {
+ public:
+  // options: PETSc options as on a command line; those of the linear solver have the prefix -flow_.
+  PoreFlow(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter, const std::string& options);
+  ~PoreFlow();
+  PoreFlow(const PoreFlow&) = delete;
+  PoreFlow& operator=(const PoreFlow&) = delete;
+
+  // Collective. Takes up the network's present geometry. body_force (3), Pa/m.
+  void refresh(const double* body_force);
+
+  // Collective. Sets C / l of the throats that this rank owns instead (for comparison with other codes), m^3/(Pa s).
+  void set_conductance(const double* conductance);
+  std::size_t owned_throats() const { return throats_.facet.size(); }
+  const std::vector<double>& conductance() const { return throats_.conductance; }
+
+  // Collective. Backward Euler over dt (10)-(13), or the steady state for dt <= 0. Out: pressure (pores), Pa, everywhere.
+  SolveReport solve(const Conditions& conditions, double dt, double relative_tolerance, double* pressure);
+
+  // Collective. Explicit (9) in as many equal steps as its limit asks for; limit_share of the limit each.
+  SolveReport step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
+                            double* pressure);
+
+  // Collective. Net flow out of each local pore to its neighbours, m^3/s, for pressures of all local pores (8).
+  void outflow(const double* pressure, double* flow);
+
+  const std::vector<double>& pore_storage() const { return storage_; }
+  std::int64_t limited_throats() const { return throats_.limited; }
+  std::int64_t limited_pores() const { return limited_pores_; }
+
+ private:
+  struct Rows;
+  void number(const bool* fixed);
+  double given_mean(const Conditions& conditions) const;
+  double sealed_mean(const Conditions& conditions, bool stored, double dt) const;
+  void assemble(const Conditions& conditions, double dt, double reference, Rows& rows);
+  void free_petsc();
+
+  PoreNetwork& network_;
+  Fluid fluid_;
+  ConductanceLaw law_;
+  Limiter limiter_;
+  MPI_Comm comm_;
+  Throats throats_;
+  std::vector<double> storage_;
+  std::int64_t limited_pores_ = 0;
+
+  std::vector<double> fixed_;        // 1 where the pressure is given, at copies too
+  std::vector<double> column_;       // global number of each local pore, -1 where fixed
+  std::vector<std::int32_t> free_;   // owned pores that are unknowns
+  PetscInt first_row_ = 0, all_rows_ = 0;
+
+  Mat matrix_ = nullptr;
+  KSP solver_ = nullptr;
+  Vec right_ = nullptr, solution_ = nullptr;
+  std::int64_t matrix_mesh_ = -1;
+  std::vector<double> matrix_fixed_;
+  int iterations_at_setup_ = 0;
+  bool preconditioner_stale_ = true;
+};
+
+}  // namespace poreslip::flow

@@ -1,0 +1,54 @@
+"""Steady and implicit flow through a pack on however many ranks; the result goes to a file. Run by test_flow_ranks.py.
+
+Arguments: pack (npz with x, r), periodic directions (letters), output file.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from mpi4py import MPI
+
+from flowsolver import PoreNetwork
+from flowsolver.flow import Boundary, PoreFlow
+
+comm = MPI.COMM_WORLD
+pack = np.load(sys.argv[1])
+x, r = pack["x"], pack["r"]
+periodic = [axis in sys.argv[2] for axis in "xyz"]
+own = np.flatnonzero(np.minimum((x[:, 1] * comm.size).astype(int), comm.size - 1) == comm.rank)
+net = PoreNetwork(comm, [0] * 3, [1] * 3, periodic)
+net.update(own, x[own], r[own])
+flow = PoreFlow(net, 1e-3, compressibility=4.5e-10)
+flow.refresh(body_force=(100.0, 0.0, 50.0))
+boundary = Boundary() if all(periodic) else Boundary(pressure={"xmin": 1e3, "xmax": lambda c: 100 * c[:, 1]})
+result: dict[str, np.ndarray] = {}
+
+
+def take(name: str, solved) -> None:
+    force, wall_force = net.forces(solved.pressure)
+    everywhere = np.zeros_like(x)
+    everywhere[own] = force
+    comm.Allreduce(MPI.IN_PLACE, everywhere)
+    result[f"{name} force"], result[f"{name} wall"] = everywhere, wall_force
+    owned = net.owned
+    rows = np.column_stack([np.sort(net.grains_of_pore[owned], axis=1), solved.pressure[owned]])
+    rows = np.concatenate(comm.allgather(rows))
+    result[f"{name} pressure"] = rows[np.lexsort(rows.T[::-1])]
+    result[f"{name} outflow"] = np.array(list(solved.outflow.values()))
+
+
+steady = flow.steady(boundary, tolerance=1e-13)
+assert steady.mass_residual < 1e-10, steady.mass_residual
+take("steady", steady)
+pressure, velocity = steady.pressure, np.cos(3 * x[own] + 1) * 1e-4
+for _ in range(3):
+    stepped = flow.implicit(boundary, pressure, 1e-8, net.volume_rate(velocity), tolerance=1e-13)
+    assert stepped.mass_residual < 1e-10, stepped.mass_residual
+    pressure = stepped.pressure
+take("implicit", stepped)
+if not all(periodic):
+    take("explicit", flow.explicit(boundary, steady.pressure, 1e-10, net.volume_rate(velocity)))
+if comm.rank == 0:
+    np.savez(sys.argv[3], **result)
