@@ -88,6 +88,31 @@ def test_a_bond_across_the_rank_boundary_breaks_in_the_same_step() -> None:
     np.testing.assert_array_equal(one["f"], two["f"])
 
 
+def crossing_sheared_pair_scene(comm) -> dict:
+    """Two grains in sheared contact, bonded for good, that drift across x = 0.02 m; lists are made anew at each stop."""
+    grains = [Grain((0.0175, 0.01, 0.01), v=(10.0, 0.05, 0.02)), Grain((0.01949, 0.01, 0.01), v=(10.0, -0.05, 0), omega=(0, 20, 10))]
+    scene = Scene(comm, grains, time_step=1e-7)
+    scene.commands("fix bonds all bond/settings strength_mean infinite strength_sd 0 seed 3 types 1 1 armed yes", "fix move all nve/noforce")
+    owners, contacts, forces = [], [], []
+    for _ in range(60):
+        scene.run(50)
+        owners.append(comm.allgather(len(scene.engine.atom("id"))))
+        contacts.append(scene.contact_rows())
+        forces.append(scene.gather("f"))
+    return {"owners": owners, "contacts": np.array(contacts), "forces": np.array(forces)}
+
+
+@pytest.mark.parallel
+def test_the_shear_of_a_contact_goes_with_it_across_the_rank_boundary() -> None:
+    one = run_scene(crossing_sheared_pair_scene)[0]
+    two = run_scene(crossing_sheared_pair_scene, ranks=2)[0]
+    assert [1, 1] in two["owners"] and [0, 2] in two["owners"]
+    shear = np.linalg.norm(one["contacts"][:, 0, 6:9], axis=1)
+    assert np.all(np.diff(shear) > 0) and shear[-1] > 10
+    for name in ("contacts", "forces"):
+        np.testing.assert_array_equal(one[name], two[name])
+
+
 def lattice_scene(comm) -> dict:
     """A lattice of widely spread strengths, stretched along x until all bonds in that direction are broken."""
     scene = Scene(comm, block((8, 3, 3)), MATERIAL)
