@@ -15,10 +15,10 @@ from typing import Any
 import cattrs
 
 from coupling.case_checks import allowed_text, problems, toml_text
-from coupling.case_schema import ENGINES, SCENES, SECTIONS, CaseFile, RunCase
+from coupling.case_schema import DECKS, ENGINES, SCENES, SECTIONS, CaseFile, RunCase
 from coupling.errors import InputError
 
-_TOP = ("title", "scene", "engine")
+_TOP = ("title", "scene", "engine", "decks_directory")
 _RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
@@ -269,6 +269,7 @@ def _structured(table: Mapping[str, Any], case: str, name: str, group: str, orig
             given = "missing" if chosen[key] is None else toml_text(chosen[key])
             near = _nearest(str(chosen[key]), choices)
             raise InputError(f"{origin.of(key)}: {key} = {given}{near}: allowed is one of " + ", ".join(f'"{choice}"' for choice in choices) + ".")
+    chosen["decks_directory"] = _decks_directory(table.get("decks_directory"), origin)
     sections = {section: _section(section, table.get(section, {}), origin) for section in SECTIONS}
     run = RunCase(case=case, name=name, group=group, title=title, **chosen, **sections)
     for key, trouble in problems(run):
@@ -276,6 +277,22 @@ def _structured(table: Mapping[str, Any], case: str, name: str, group: str, orig
         value = toml_text(getattr(getattr(run, section), last))
         raise InputError(f"{origin.of(key)}: {key} = {value} (run {name}): {trouble}.")
     return run
+
+
+def _decks_directory(given: Any, origin: _Origin) -> str:
+    """Absolute path of the decks: a relative one starts from the case file's directory, on the command line from the current one."""
+    if given is None:
+        return str(DECKS)
+    if not isinstance(given, str) or not given:
+        raise InputError(f"{origin.of('decks_directory')}: decks_directory = {toml_text(given)}: allowed is a path in quotes.")
+    start = Path() if "decks_directory" in origin.command_line else Path(origin.source).parent
+    directory = (start / given).resolve()
+    if not directory.is_dir():
+        raise InputError(
+            f"{origin.of('decks_directory')}: decks_directory = {toml_text(given)}: there is no directory {directory}. Copy liggghts-inputs, change the "
+            "copy, and name it here."
+        )
+    return str(directory)
 
 
 def _section(section: str, table: Any, origin: _Origin) -> Any:

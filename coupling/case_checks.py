@@ -8,10 +8,10 @@ import math
 import operator
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from coupling.case_schema import EXPRESSION_NAMES, SECTIONS, RunCase
-from coupling.native import REPOSITORY
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
@@ -208,19 +208,20 @@ def _deck_variables(run: RunCase) -> Iterator[Problem]:
     load_deck = "in.load_supplement" if run.scene == "supplement" else "in.load"
     for section, deck in (("pack", "in.pack"), ("loading", load_deck)):
         if given := getattr(run, section).deck_variables:
-            known = _variables_of_deck(deck)
+            known = _variables_of_deck(Path(run.decks_directory), deck)
             if unknown := sorted(set(given) - known):
                 yield (
                     f"{section}.deck_variables",
-                    f"the deck liggghts-inputs/{deck} has no line `variable {unknown[0]} index`, so the value would have no effect; its variables: "
+                    f"the deck {Path(run.decks_directory) / deck} has no line `variable {unknown[0]} index`, so the value would have no effect; its variables: "
                     + ", ".join(sorted(known)),
                 )
 
 
-def _variables_of_deck(deck: str) -> set[str]:
+def _variables_of_deck(directory: Path, deck: str) -> set[str]:
     """Names of the `variable ... index` lines of a deck and of the files that it includes by their full names."""
-    directory = REPOSITORY / "liggghts-inputs"
+    if not (directory / deck).is_file():
+        return set()
     text = (directory / deck).read_text(encoding="utf-8")
     included = re.findall(r"^include\s+\$\{inputs\}/([\w.]+)\s", text, flags=re.MULTILINE)
-    texts = [text, *((directory / name).read_text(encoding="utf-8") for name in included)]
+    texts = [text, *((directory / name).read_text(encoding="utf-8") for name in included if (directory / name).is_file())]
     return {name for one in texts for name in re.findall(r"^variable\s+(\w+)\s+index\b", one, flags=re.MULTILINE)}

@@ -12,6 +12,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from coupling.native import REPOSITORY
+
 
 def allowed(
     default: Any,
@@ -218,6 +220,8 @@ SECTIONS = {
 }
 SCENES = ("two_sides", "supplement")
 ENGINES = ("liggghts",)
+#: Decks of the engine. A case that wants others names a copy of this directory with changes in it: `decks_directory`.
+DECKS = REPOSITORY / "liggghts-inputs"
 
 
 @dataclass(frozen=True)
@@ -230,6 +234,7 @@ class RunCase:
     title: str
     scene: str
     engine: str
+    decks_directory: str  # absolute path
     pack: Pack
     material: Material
     bonds: Bonds
@@ -308,7 +313,7 @@ class RunCase:
     def to_dict(self) -> dict[str, Any]:
         """Every input with its value, as case.json holds it, and under `derived` what follows from them."""
         resolved: dict[str, Any] = {"case": self.case, "run": self.name, "group": self.group}
-        resolved |= {"title": self.title, "scene": self.scene, "engine": self.engine}
+        resolved |= {"title": self.title, "scene": self.scene, "engine": self.engine, "decks_directory": self.decks_directory}
         resolved |= {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
         derived = (
             "normal_stiffness_N_per_m",

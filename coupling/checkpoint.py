@@ -23,7 +23,7 @@ KEPT_BEFORE = 1
 
 def case_digest(case: RunCase) -> str:
     """Digest of every input that decides the trajectory; what is only written may change between a run and its restart."""
-    content = {k: v for k, v in case.to_dict().items() if k not in ("output", "title", "case", "run", "group")}
+    content = {k: v for k, v in case.to_dict().items() if k not in ("output", "title", "case", "run", "group", "decks_directory")}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from coupling.case_schema import RunCase
 from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
-from coupling.native import REPOSITORY
 
 #: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
 SKIN_DIAMETERS = 0.1
@@ -29,7 +28,7 @@ def common_variables(case: RunCase) -> dict[str, object]:
     if case.bonds.enabled:
         tangential = f'"bond stretch_max {_stretch_limit(case):.6g}"'
     return {
-        "inputs": REPOSITORY / "liggghts-inputs",
+        "inputs": Path(case.decks_directory),
         "scene": case.scene,
         "kn": case.normal_stiffness_N_per_m,
         "kt": case.shear_stiffness_N_per_m,

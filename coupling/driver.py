@@ -64,6 +64,8 @@ class Run:
             stage = stages.Stage(restart_file, state["stage"])
             if state["ranks"] != comm.size:
                 self._tell(f"the checkpoint is of {state['ranks']} ranks and goes on with {comm.size}: the same to rounding, not bitwise")
+            if state["decks_sha256"] != stages.load_deck_digest(case):
+                self._tell("the loading deck was changed since the checkpoint was written: the run goes on with what it says now")
         else:
             with self.phases.timed("stages"):
                 stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
@@ -77,7 +79,7 @@ class Run:
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
         with self.phases.timed("engine"):
-            engine.deck(stages.load_deck(case), load_variables(case, stage.restart, fault))
+            engine.deck(stages.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         flow = self._flow(engine, fault, walls)

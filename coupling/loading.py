@@ -13,6 +13,7 @@ from coupling.output import RunOutput
 from coupling.phases import Phases
 from coupling.progress import Progress
 from coupling.signals import StopRequest
+from coupling.stages import load_deck_digest
 from coupling.walls import SceneWalls
 
 
@@ -129,6 +130,7 @@ class Loading:
                 "step": self._engine.step,
                 "reference": self._reference,
                 "stage": self._stage,
+                "decks_sha256": load_deck_digest(self._case),
                 "broken": self._broken,
                 "rebuilds": self._rebuilds,
                 "previous": self._measures.previous,

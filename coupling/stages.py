@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +20,11 @@ from coupling.case_schema import RunCase
 from coupling.collective import raised_together
 from coupling.deck_variables import bond_variables, fault_geometry, pack_variables, plate_areas, stress_variables
 from coupling.engine.interface import Engine
-from coupling.errors import ComputationError
-from coupling.native import REPOSITORY
+from coupling.errors import ComputationError, InputError
 from coupling.pack import write_grains
 from coupling.packing import exchange_sizes
 from coupling.walls import PACK, SCENE_WALLS, wall_positions
 
-DECKS = REPOSITORY / "liggghts-inputs"
 RESTART, MANIFEST = "engine.restart", "manifest.json"
 #: Balance that a stage ends with, mean unbalanced force over mean contact force, and how far the walls' forces may be from their
 #: targets then. A pack without friction creeps on under the least difference of its stresses, so it is left to the next stage,
@@ -34,6 +33,9 @@ PACK_BALANCED, PACK_WALL_TOLERANCE = 2e-2, 5e-2
 STRESS_BALANCED, STRESS_WALL_TOLERANCE = 1e-3, 2e-3
 #: Steps between two looks at it, and how many looks before the stage is given up.
 SETTLE_STEPS, SETTLE_LOOKS = 1000, 60
+PARTIAL_SUFFIX = ".partial"
+#: An unfinished stage this old was left by a kill, s.
+ABANDONED_AFTER_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -54,19 +56,24 @@ def cache_directory() -> Path:
 
 def prepare(case: RunCase, comm, open_engine: Callable[[Path], Engine], tell: Callable[[str], None]) -> Stage:
     """State from which the case is loaded: from the cache where its decks and inputs are the same, else made now; collective."""
-    makers = [("pack", f"in.pack", _make_pack), ("stress", _scene_deck("stress", case), _make_stress)]
+    makers = [("pack", "in.pack", _make_pack), ("stress", _scene_deck("stress", case), _make_stress)]
     if case.bonds.enabled:
         makers.append(("bond", "in.bond", _make_bonds))
     stage: Stage | None = None
     for name, deck, make in makers:
-        stage = _kept_or_made(name, DECKS / deck, make, case, stage, comm, open_engine, tell)
+        stage = _kept_or_made(name, Path(case.decks_directory) / deck, make, case, stage, comm, open_engine, tell)
     assert stage is not None
     return stage
 
 
 def load_deck(case: RunCase) -> Path:
     """Deck of the loading stage."""
-    return DECKS / _scene_deck("load", case)
+    return Path(case.decks_directory) / _scene_deck("load", case)
+
+
+def load_deck_digest(case: RunCase) -> str:
+    """Digest of the deck of the loading stage and of what it includes."""
+    return hashlib.sha256(json.dumps(_texts([load_deck(case)]), sort_keys=True).encode()).hexdigest()
 
 
 def _scene_deck(stage: str, case: RunCase) -> str:
@@ -82,8 +89,7 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
     work = None
     with raised_together(comm):
         if comm.rank == 0:
-            cache_directory().mkdir(parents=True, exist_ok=True)
-            work = tempfile.mkdtemp(prefix=f"{name}-", suffix=".partial", dir=cache_directory())
+            work = _working_directory(name)
     work = Path(comm.bcast(work))
     try:
         engine = open_engine(work / "log.liggghts")
@@ -91,17 +97,34 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
         engine.write_restart(work / RESTART)
         engine.close()
         comm.Barrier()
-        if comm.rank == 0:
-            manifest |= {"key": key, "stage": name, "restart_sha256": _digest(work / RESTART)}
-            (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-            if _read(directory) is None:
-                shutil.rmtree(directory, ignore_errors=True)
-                os.replace(work, directory)
+        with raised_together(comm):
+            if comm.rank == 0:
+                manifest |= {"key": key, "stage": name, "restart_sha256": _digest(work / RESTART)}
+                (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+                if _read(directory) is None:
+                    shutil.rmtree(directory, ignore_errors=True)
+                    os.replace(work, directory)
     finally:
-        comm.Barrier()
+        # Without a barrier: after an error the other ranks may be anywhere.
         if comm.rank == 0:
             shutil.rmtree(work, ignore_errors=True)
-    return comm.bcast(_read(directory) if comm.rank == 0 else None)
+    made = comm.bcast(_read(directory) if comm.rank == 0 else None)
+    if made is None:
+        raise InputError(f"{directory} does not hold what was just written to it; see whether its disk is full, or set PORESLIP_CACHE to another directory")
+    return made
+
+
+def _working_directory(name: str) -> str:
+    """A new directory for a stage in the making; what a kill left of such directories is removed."""
+    cache = cache_directory()
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        for left in cache.glob(f"*{PARTIAL_SUFFIX}"):
+            if time.time() - left.stat().st_mtime > ABANDONED_AFTER_S:
+                shutil.rmtree(left, ignore_errors=True)
+        return tempfile.mkdtemp(prefix=f"{name}-", suffix=PARTIAL_SUFFIX, dir=cache)
+    except OSError as error:
+        raise InputError(f"prepared stages cannot be kept in {cache} ({error.strerror}); set PORESLIP_CACHE to a directory that can be written") from None
 
 
 def _read(directory: Path) -> Stage | None:
@@ -120,7 +143,7 @@ def _key(name: str, deck: Path, case: RunCase, before: Stage | None) -> str:
         "version": __version__,
         "stage": name,
         "before": before.manifest["key"] if before else None,
-        "decks": {path.name: path.read_text() for part in sorted(DECKS.glob(f"{deck.name}*")) for path in _with_includes(part)},
+        "decks": _texts([deck, deck.with_name("in.pack_release")] if name == "pack" else [deck]),
         "scene": case.scene,
         "pack": case.to_dict()["pack"],
         "material": {k: v for k, v in case.to_dict()["material"].items() if k != "local_damping"},
@@ -132,16 +155,17 @@ def _key(name: str, deck: Path, case: RunCase, before: Stage | None) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _with_includes(deck: Path) -> list[Path]:
-    """A deck and every file that it may include; those with a variable in their name by pattern."""
-    found, waiting = [], [deck]
+def _texts(decks: list[Path]) -> dict[str, str]:
+    """Texts of decks, and of every file that they may include, by name; those with a variable in their name by pattern."""
+    found: dict[str, str] = {}
+    waiting = list(decks)
     while waiting:
         path = waiting.pop()
-        if path in found or not path.is_file():
+        if path.name in found or not path.is_file():
             continue
-        found.append(path)
-        for name in re.findall(r"^include\s+\$\{inputs\}/(\S+)", path.read_text(), flags=re.MULTILINE):
-            waiting += sorted(DECKS.glob(re.sub(r"\$\{\w+\}", "*", name)))
+        found[path.name] = path.read_text()
+        for name in re.findall(r"^include\s+\$\{inputs\}/(\S+)", found[path.name], flags=re.MULTILINE):
+            waiting += sorted(decks[0].parent.glob(re.sub(r"\$\{\w+\}", "*", name)))
     return found
 
 
@@ -152,11 +176,13 @@ def _digest(path: Path) -> str:
 
 def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before, tell) -> dict:
     periodic_z = case.scene == "supplement"
+    count = 0
     with raised_together(comm):
         if comm.rank == 0:
-            write_grains(case.pack, work / "grains.data", periodic_z)
+            count = write_grains(case.pack, work / "grains.data", periodic_z)
+    count = comm.bcast(count)
     tell(f"packing about {case.estimated_grains} grains (once for all runs with this pack)")
-    engine.deck(deck, pack_variables(case, work / "grains.data"))
+    engine.deck(deck, pack_variables(case, work / "grains.data"), grains=count)
     first, last, closed, release, steps = (_deck_number(engine, name) for name in (
         "exchange_first", "exchange_last", "closed_rounds", "release_rounds", "exchange_steps"))  # fmt: skip
     names = [n for n in PACK if not (periodic_z and n.startswith("z_"))]
@@ -174,7 +200,7 @@ def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, befo
     for step in np.geomspace(first, last, int(closed)):
         exchange_sizes(engine, comm, names, step)
         engine.run(int(steps), setup=True)
-    engine.deck(deck.with_name("in.pack_release"), {})
+    engine.deck(deck.with_name("in.pack_release"), {}, grains=count)
     for _ in range(int(release)):
         exchange_sizes(engine, comm, names, last)
         engine.run(int(steps), setup=True)
@@ -189,7 +215,7 @@ def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, befo
 
 
 def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before: Stage, tell) -> dict:
-    engine.deck(deck, stress_variables(case, before))
+    engine.deck(deck, stress_variables(case, before), before.manifest["grains"])
     packed = before.manifest["walls"]
     fault = fault_geometry(case, packed, case.pack.box_m[2])
     areas = plate_areas(case, fault) | {"x_left": fault.x_wall_area, "x_right": fault.x_wall_area}
@@ -199,7 +225,7 @@ def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, be
 
 
 def _make_bonds(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before: Stage, tell) -> dict:
-    engine.deck(deck, bond_variables(case, before))
+    engine.deck(deck, bond_variables(case, before), before.manifest["grains"])
     bonds = comm.allreduce(engine.intact_bonds())
     tell(f"bonded {bonds} contacts in the blocks")
     return before.manifest | {"bonds": bonds}

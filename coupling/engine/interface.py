@@ -65,8 +65,8 @@ class Engine(Protocol):
     def command(self, line: str) -> None:
         """Carry out one command of the deck language."""
 
-    def deck(self, path: Path, variables: dict[str, object]) -> None:
-        """Set index-style variables, then carry out the deck ``path``, which keeps them (``variable ... index``)."""
+    def deck(self, path: Path, variables: dict[str, object], grains: int) -> None:
+        """Set index-style variables, then carry out the deck ``path``, which keeps them (``variable ... index``). ``grains`` is their number after it."""
 
     def run(self, steps: int, setup: bool) -> None:
         """Make ``steps`` steps. ``setup`` rebuilds the neighbour list and the forces first, as after any command."""

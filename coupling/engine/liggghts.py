@@ -70,6 +70,8 @@ class LiggghtsEngine:
         self._message = ctypes.create_string_buffer(MESSAGE_BYTES)
         self._lmp = ctypes.c_void_p()
         self._expected_grains: int | None = None
+        self._deck: Path | None = None
+        self._deck_has_run = False
         self._contact_rows = np.empty((0, CONTACT_COLUMNS))
         arguments = ["liggghts", "-nocite", "-log", str(log), "-screen", os.devnull]
         argv = (ctypes.c_char_p * len(arguments))(*(a.encode() for a in arguments))
@@ -83,41 +85,50 @@ class LiggghtsEngine:
     def command(self, line: str) -> None:
         self._guarded(self._library.poreslip_engine_command, self._lmp, line.encode())
 
-    def deck(self, path: Path, variables: dict[str, object]) -> None:
+    def deck(self, path: Path, variables: dict[str, object], grains: int) -> None:
         if not path.is_file():
-            raise InputError(f"deck {path} does not exist; the decks stand in liggghts-inputs/, the case key `decks` names them")
+            raise InputError(f"the deck {path} does not exist; copy all of liggghts-inputs into decks_directory, then change what you like")
         for name, value in variables.items():
-            self.command(f"variable {name} index {_deck_value(value)}")
+            self.command(f"variable {name} index {_deck_value(name, value)}")
+        self._deck, self._deck_has_run = path, False
         with _silent():
-            self._guarded(self._library.poreslip_engine_file, self._lmp, str(path).encode(), deck=path)
-        self._expected_grains = self.total_grains
+            self._guarded(self._library.poreslip_engine_file, self._lmp, str(path).encode())
+        self._expected_grains = grains
+        self._count_grains()
 
     def run(self, steps: int, setup: bool) -> None:
         self.command(f"run {steps} post no" if setup else f"run {steps} pre no post no")
+        self._deck_has_run = True
+        self._count_grains()
+
+    def _count_grains(self) -> None:
         if self._expected_grains is not None and self.total_grains != self._expected_grains:
             raise ComputationError(
                 f"{self._expected_grains - self.total_grains} of {self._expected_grains} grains were lost by step {self.step}: they left "
                 "the engine's box. Usually the time step is too long (loading.time_step_fraction) or a wall moves too fast "
-                "(loading.strain_rate_per_s)")
+                f"(loading.strain_rate_per_s); the last deck was {self._deck}")
 
     def variable(self, name: str) -> float:
         value = ctypes.c_double()
         self._guarded(self._library.poreslip_engine_variable, self._lmp, name.encode(), ctypes.byref(value))
         return value.value
 
-    def _guarded(self, function, *arguments, deck: Path | None = None) -> None:
+    def _guarded(self, function, *arguments) -> None:
         status = function(*arguments, self._message, MESSAGE_BYTES)
         if status == 0:
             return
         self._lmp = ctypes.c_void_p()
         text = f"LIGGGHTS: {self._message.value.decode(errors='replace')}"
-        if deck is not None:
-            text += f"\n  in the deck {deck} or a file that it includes"
+        # Much of what a deck says is looked at by the engine in the first run only.
+        of_deck = self._deck is not None and not self._deck_has_run
+        if of_deck:
+            text += f"\n  in the deck {self._deck}, a file that it includes, or the first step with what they define"
+        kind = InputError if of_deck else ComputationError
         if status == RAISED_ON_ONE and self.comm.size > 1:
             # The other ranks are inside the engine and will not come back: there is nothing to raise there.
             print(f"poreslip: {text}\n  raised on rank {self.comm.rank} alone; all ranks are stopped", file=sys.stderr, flush=True)
-            self.comm.Abort(ComputationError.exit_status)
-        raise InputError(text) if deck is not None else ComputationError(text)
+            self.comm.Abort(kind.exit_status)
+        raise kind(text)
 
     # -- arrays -----------------------------------------------------------------------------------------------------
 
@@ -131,13 +142,13 @@ class LiggghtsEngine:
     def property_atom(self, fix_id: str, components: int = 3) -> np.ndarray:
         pointer = self._library.lammps_extract_fix(self._lmp, fix_id.encode(), 1, 2, 0, 0)
         if not pointer:
-            raise InputError(f"the deck defines no `fix {fix_id} all property/atom ... vector`; include pore_force.include or restore the line")
+            raise InputError(f"the deck {self._deck} defines no `fix {fix_id} all property/atom {fix_id} vector`, which the driver needs; restore the line")
         return _rows(pointer, self.own_grains, components)
 
     def group_bit(self, name: str) -> int:
         bit = self._library.poreslip_engine_group_bit(self._lmp, name.encode())
         if bit == 0:
-            raise InputError(f"the deck defines no group `{name}`; the driver needs it for its measures")
+            raise InputError(f"the deck {self._deck} defines no `group {name}`, which the driver needs for its measures; restore the line")
         return bit
 
     @property
@@ -164,7 +175,7 @@ class LiggghtsEngine:
     def wall(self, fix_id: str) -> WallState:
         values = (ctypes.c_double * 7)()
         if self._styles.poreslip_wall_state(self._lmp, fix_id.encode(), values) != 0:
-            raise InputError(f"the deck defines no `fix {fix_id} ... wall/plane`; the driver needs that wall for its measures")
+            raise InputError(f"the deck {self._deck} defines no `fix {fix_id} ... wall/plane`, which the driver needs for its measures; restore the line")
         position, velocity, contact_force, fluid_force, contacts, work, limited = values
         return WallState(position, velocity, contact_force, fluid_force, int(contacts), work, int(limited))
 
@@ -213,7 +224,7 @@ class LiggghtsEngine:
         return bool(self._library.lammps_extract_fix(self._lmp, fix_id.encode(), 1, 2, 0, 0))
 
     def write_restart(self, path: Path) -> None:
-        self.command(f"write_restart {path}")
+        self.command(f"write_restart {_deck_value('restart', path)}")
 
     def close(self) -> None:
         if self._lmp:
@@ -221,8 +232,10 @@ class LiggghtsEngine:
             self._lmp = ctypes.c_void_p()
 
 
-def _deck_value(value: object) -> str:
+def _deck_value(name: str, value: object) -> str:
     """A value as the deck's `variable ... index` takes it: numbers with all their digits."""
+    if isinstance(value, Path) and len(str(value).split()) != 1:
+        raise InputError(f"the path {str(value)!r} ({name}) holds a blank, which LIGGGHTS cannot read in a deck; choose a directory without one")
     return f"{value:.17g}" if isinstance(value, float) else str(value)
 
 
