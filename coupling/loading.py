@@ -56,7 +56,9 @@ class Loading:
             self._snapshot()
         with StopRequest() as stop:
             while engine.step < self._steps:
-                self._exchange()
+                # Steps at which something is only written must not change what is computed.
+                if engine.step % case.flow.interval_steps == 0:
+                    self._exchange()
                 steps = self._next_event(engine.step) - engine.step
                 with self._phases.timed("engine"):
                     engine.run(steps, setup)
