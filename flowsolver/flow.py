@@ -50,14 +50,14 @@ class FlowResult:
 
     pressure : (m,) float64, Pa, of all pores that this rank sees
     outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for the points
-    mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput
+    mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput; None for `explicit`
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
         substeps, and this rank's seconds {assemble, setup, solve}
     """
 
     pressure: NDArray[np.float64]
     outflow: dict[str, float]
-    mass_residual: float
+    mass_residual: float | None
     report: dict[str, Any]
 
 
@@ -112,6 +112,7 @@ class PoreFlow:
         faults: list[str] = []
         force = checked_array("body_force", body_force, np.float64, (3,), faults)
         self.network.agree(faults)
+        self._body_force = force
         self._native.refresh([float(f) for f in force])
 
     @property
@@ -159,7 +160,21 @@ class PoreFlow:
         self.network.agree([])
         after, report = self._native.step_explicit(fixed, start, source, rate, float(dt), LIMIT_SHARE, most_substeps)
         supply = self._native.outflow(after) - source + rate
-        return FlowResult(after, self._outflow(boundary, owner, supply), float("nan"), report)
+        return FlowResult(after, self._outflow(boundary, owner, supply), None, report)
+
+    def darcy_velocity(self, pressure: ArrayLike) -> NDArray[np.float64]:
+        """(3,) float64, m/s: flow at these pressures, (m,) Pa, averaged over the box. Collective."""
+        faults: list[str] = []
+        pressures = checked_array("pressure", pressure, np.float64, (self.network.pores,), faults)
+        self.network.agree(faults)
+        left, right = self.network.pores_of_throat[self.network.owned_throats].T
+        centre = self.network.pore_centre
+        step = centre[right] - centre[left]
+        for axis in np.flatnonzero(self.network.periodic):
+            step[:, axis] -= self.network.lengths[axis] * np.round(step[:, axis] / self.network.lengths[axis])
+        moved = (self.conductance * (pressures[left] - pressures[right] + step @ self._body_force)) @ step
+        self.network.comm.Allreduce(MPI.IN_PLACE, moved)
+        return moved / self.network.lengths.prod()
 
     def _solve(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None, dt: float, tolerance: float) -> FlowResult:
         self.network.agree([] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"])

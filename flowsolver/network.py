@@ -73,6 +73,7 @@ class PoreNetwork:
         )
         self.comm = comm
         self.periodic = tuple(bool(p) for p in periodic)
+        self.lengths = box[1] - box[0]
         self._faces = np.stack(box, axis=1).reshape(1, 6)
 
     @property

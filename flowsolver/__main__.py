@@ -1,0 +1,7 @@
+"""`python -m flowsolver` is the command `poreflow`."""
+
+import sys
+
+from flowsolver.command_line import main
+
+sys.exit(main())
