@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from . import smoothing
 from .figure_style import CASE_MARKER, CASE_STYLE, CASE_WORDS, MEGA, PAGE, Picture, letter, print_style, save
-from .onset import SIDES, THRESHOLD, state
+from .onset import SIDES, THRESHOLD, sliding_slope, state
 from .results import MeasuredPack, MeasuredRun, MeasuredVariant
 from .scene_geometry import is_upright
 
@@ -29,37 +29,60 @@ def case_legend(figure: plt.Figure, axes: plt.Axes, columns: int) -> None:
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, columnspacing=1.4)
 
 
+HIGHEST_RATE = 2.5
+"""Upper end of the strain-rate axis over the rate of rigid sliding; what is faster is opening, not sliding."""
+
+
+def rate_of_sliding(measured: MeasuredRun) -> float | None:
+    """Vertical strain rate (1/s) of blocks that slide rigidly on the fault at the case's horizontal rate."""
+    rate, slope = measured.run.case.get("loading", {}).get("strain_rate_per_s"), sliding_slope(measured.run.case)
+    return float(rate) * slope if rate and slope else None
+
+
 def strain_rate(pack: MeasuredPack, directory: Path, stem: str, dpi: int, pdf: bool) -> Picture:
     """Like Fig. 6: vertical strain rate against sigma_n, sigma_n - max p and sigma_n - mean p."""
+    curves = {}
+    for number, measured in pack.runs.items():
+        time = measured.run.history["time_s"].to_numpy(float)
+        curves[number] = time, smoothing.slope(time, measured.run.history["vertical_strain"].to_numpy(float))
+    sliding = rate_of_sliding(next(iter(pack.runs.values())))
+    fastest = max(float(rate.max()) for _, rate in curves.values())
+    top = fastest if sliding is None else min(1.1 * fastest, HIGHEST_RATE * sliding)
     with print_style():
-        figure, panels = plt.subplots(1, 3, figsize=(PAGE, 2.7), sharey=True, layout="constrained")
+        figure, panels = plt.subplots(1, 3, figsize=(PAGE, 2.9), sharey=True, layout="constrained")
         for number, measured in pack.runs.items():
-            history = measured.run.history
-            time = history["time_s"].to_numpy(float)
-            rate = smoothing.slope(time, history["vertical_strain"].to_numpy(float))
+            time, rate = curves[number]
             onset = measured.onsets.onset
-            stresses = state(history)
+            stresses = state(measured.run.history)
             for axes, name in zip(panels, STRESS_WORDS):
                 axes.plot(stresses[name] * MEGA, rate, label=CASE_WORDS[number], **CASE_STYLE[number])
                 if onset:
-                    at = np.interp(onset.at["time_s"].value, time, rate)
-                    axes.plot(onset.at[name].value * MEGA, at, CASE_MARKER[number], color=CASE_STYLE[number]["color"],
+                    at = min(float(np.interp(onset.at["time_s"].value, time, rate)), top)
+                    axes.plot(onset.at[name].value * MEGA, at, CASE_MARKER[number], color=CASE_STYLE[number]["color"], clip_on=False,
                               markersize=5, markeredgecolor="white", markeredgewidth=0.7, zorder=5)
         for axes, words in zip(panels, STRESS_WORDS.values()):
             axes.set_xlabel(words)
+            if sliding is not None:
+                axes.axhline(sliding, color="0.4", linewidth=0.6, linestyle=(0, (1, 2)))
+                axes.set_ylim(min(-0.15 * top, 1.1 * min(float(rate.min()) for _, rate in curves.values())), top)
         panels[0].set_ylabel("vertical strain rate (1/s)")
         letter(panels)
         case_legend(figure, panels[0], 5)
-        width = 2.0 * smoothing.window_width(time)
-        rates = [measured.run.case.get("loading", {}).get("strain_rate_per_s") for measured in pack.runs.values()]
-        loading = f", horizontal strain rate {rates[0]:g} 1/s" if rates[0] else ""
-        found = pack.collapse
-        numbers = "" if found is None else " Collapse of 1-3 (spread over distance of the nearest other case): " + ", ".join(
-            f"{letters} {found[name].number:.2f}" for letters, name in zip(("(a)", "(b)", "(c)"), STRESS_WORDS)) + "."
-        caption = (f"Vertical strain rate (extension positive) against (a) the normal stress on the fault, (b) less the larger and (c) less the mean "
-                   f"of the two pressures, like Fig. 6 of the paper{loading}. Slopes of straight lines fitted over windows of "
-                   f"{width * 1e3:.2g} ms, {100 * 2 * smoothing.WINDOW_SHARE:g} % of the run; marks are onsets of slip.{numbers}")
-        return save(figure, directory, stem, caption, dpi, pdf)
+        return save(figure, directory, stem, strain_rate_caption(pack, sliding, fastest > top), dpi, pdf)
+
+
+def strain_rate_caption(pack: MeasuredPack, sliding: float | None, cut: bool) -> str:
+    """What is drawn, how it is smoothed, and how well cases 1 to 3 collapse."""
+    widths = [2e3 * smoothing.window_width(measured.run.history["time_s"].to_numpy(float)) for measured in pack.runs.values()]
+    words = ("Vertical strain rate (extension positive) against (a) the normal stress on the fault, (b) less the larger and (c) less the mean of the two "
+             f"pressures, like Fig. 6 of the paper. Slopes of straight lines fitted over windows of {min(widths):.2g} to {max(widths):.2g} ms, "
+             f"{200 * smoothing.WINDOW_SHARE:g} % of a run; marks: onsets of slip.")
+    if sliding is not None:
+        words += f" Dotted: blocks sliding rigidly, {sliding:.3g} 1/s" + ("; faster parts, where the blocks part, are cut off." if cut else ".")
+    if pack.collapse is not None:
+        numbers = ", ".join(f"{panel} {pack.collapse[name].number:.2f}" for panel, name in zip(("(a)", "(b)", "(c)"), STRESS_WORDS))
+        words += f" Collapse of 1-3 (spread over distance of the nearest other case): {numbers}."
+    return words
 
 
 def abscissa(measured: MeasuredRun) -> tuple[str, float, str]:

@@ -20,7 +20,10 @@ WIDEST_LINE = 2.2
 REFERENCE_SHARE = 0.998
 """The reference force is this quantile of all contact forces drawn, so that a single contact does not thin all others."""
 
-BINS = 60
+BINS = 36
+
+SMALLEST_FORCE = 1e-3
+"""Share of the largest force at which the histograms begin."""
 
 
 def slice_of(position: np.ndarray, outline: Outline, thickness: float) -> np.ndarray:
@@ -35,9 +38,9 @@ def displacement_panel(axes: plt.Axes, grains: Grains, outline: Outline, diamete
     size = 1e6 * np.linalg.norm(moved, axis=1)
     drawn = draw_grains(axes, position, grains.radius[inside], size, edge=0.0, cmap="cividis", clim=(0.0, top))
     if len(position):
-        chosen = np.random.default_rng(0).permutation(len(position))[:220]
+        chosen = np.random.default_rng(0).permutation(len(position))[:140]
         length = np.maximum(np.linalg.norm(moved[chosen][:, [0, 2]], axis=1), 1e-300)[:, None]
-        arrows = moved[chosen][:, [0, 2]] / length * np.minimum(length * 1e6 / top, 1.0) ** 0.5 * 3.5
+        arrows = moved[chosen][:, [0, 2]] / length * np.minimum(length * 1e6 / top, 1.0) ** 0.5 * 5.0
         axes.quiver(*(1e3 * position[chosen][:, [0, 2]]).T, *arrows.T, angles="xy", scale_units="xy", scale=1.0,
                     width=0.004, headwidth=4, color="white", edgecolor="black", linewidth=0.25)
     return drawn
@@ -103,7 +106,9 @@ def force_histograms(runs: Mapping[int, MeasuredRun], directory: Path, stem: str
         found = [read_contacts(run, row) for row in (0, -1)]
         forces[number] = [one.force_normal[one.of_gouge] for one in found]
     largest = max((float(one.max()) for pair in forces.values() for one in pair if len(one)), default=1.0)
-    edges = np.linspace(0.0, largest, BINS + 1)
+    edges = np.geomspace(SMALLEST_FORCE * largest, largest * (1.0 + 1e-9), BINS + 1)
+    tallest = max(float(np.histogram(one, edges)[0].max()) for pair in forces.values() for one in pair)
+    room = 60.0  # above the tallest bar, for the words
     with print_style():
         columns = min(len(shown), 3)
         rows = -(-len(shown) // columns)
@@ -115,14 +120,16 @@ def force_histograms(runs: Mapping[int, MeasuredRun], directory: Path, stem: str
             axes.hist(first, edges, color="#56B4E9", alpha=0.75, label=f"start: {len(first)} contacts,\nlargest {first.max(initial=0.0):.0f} N")
             axes.hist(last, edges, histtype="step", color="black", linewidth=1.2, hatch="////",
                       label=f"end: {len(last)} contacts,\nlargest {last.max(initial=0.0):.0f} N")
+            axes.set_xscale("log")
             axes.set_yscale("log")
-            axes.set_ylim(bottom=0.7)
+            axes.set_ylim(0.7, room * max(tallest, 1.0))
             axes.set_title(CASE_WORDS[number], loc="left")
-            axes.legend(loc="upper right", handlelength=1.6)
+            axes.legend(loc="upper left", handlelength=1.6)
         for axes in panels[:, 0]:
             axes.set_ylabel("contacts")
         for axes in panels.ravel()[max(0, len(shown) - columns):len(shown)]:
             axes.set_xlabel("normal force (N)")
             axes.tick_params(labelbottom=True)
-        caption = "Normal forces of the contacts of gouge grains at the first and the last snapshot, like Fig. 5 of the paper; equal bins."
+        caption = ("Normal forces of the contacts of gouge grains at the first and the last snapshot, like Fig. 5 of the paper. "
+                   f"Bins of equal ratio; forces below {edges[0]:.2g} N are counted but not drawn.")
         return save(figure, directory, stem, caption, dpi, pdf)

@@ -216,14 +216,14 @@ def read_run(directory: Path) -> Run:
 
 def _read_mesh(path: Path) -> meshio.Mesh:
     if not path.exists():
-        raise MissingFile(path, "the snapshot is in index.csv, but its file is not there", "run the case again, or take "
-                          "its line out of snapshots/index.csv")
+        raise MissingFile(path, "the snapshot is in index.csv, but its file is not there", "run the case again, or plot with "
+                          "--no-snapshots")
     try:
         return meshio.vtu.read(path)
     except Exception as error:  # meshio has no exception of its own for every kind of damage
         problem = str(error) or type(error).__name__
-        raise TruncatedFile(path, f"it is not a whole VTU file ({problem})", "run the case again, or take its line out "
-                            "of snapshots/index.csv") from None
+        raise TruncatedFile(path, f"it is not a whole VTU file ({problem})", "run the case again, or plot "
+                            "with --no-snapshots") from None
 
 
 def _field(data: dict[str, Any], name: str, path: Path) -> np.ndarray:

@@ -149,8 +149,11 @@ def find_runs(directories: Iterable[Path]) -> tuple[list[Run], list[str]]:
     return runs, passed_over
 
 
-def label_of(own: dict[str, str], varied: Sequence[str]) -> str:
-    return ", ".join(f"{key} = {own.get(key, 'not given')}" for key in varied)
+def label_of(own: dict[str, str], alternatives: Sequence[dict[str, str]], only_scene: bool) -> str:
+    """What sets the parameters `own` apart from the other groups of its scene, and the scene where there are several."""
+    keys = sorted({key for other in alternatives for key in other})
+    varied = [f"{key} = {own.get(key, 'not given')}" for key in keys if len({other.get(key) for other in alternatives}) > 1]
+    return ", ".join(([] if only_scene else [f"scene {own.get('scene', 'not given')}"]) + varied)
 
 
 def group_by_parameters(runs: Sequence[Run]) -> list[tuple[dict[str, str], list[Run]]]:
@@ -185,8 +188,7 @@ def group_by_parameters(runs: Sequence[Run]) -> list[tuple[dict[str, str], list[
 def sort_runs(runs: Sequence[Run]) -> tuple[Variant, ...]:
     """Variants in the order in which their first run was given, packs by seed, runs by case number."""
     groups = group_by_parameters(runs)
-    keys = sorted({key for own, _ in groups for key in own})
-    varied = [key for key in keys if len({own.get(key) for own, _ in groups}) > 1]
+    only_scene = len({own.get("scene") for own, _ in groups}) == 1
     variants = []
     for own, members in groups:
         full = max(max(target_pressures(run)) for run in members)
@@ -198,7 +200,8 @@ def sort_runs(runs: Sequence[Run]) -> tuple[Variant, ...]:
                 raise ForeignFile(run.directory, f"it is the same case, pack and parameters as {seat[number].directory}",
                                   "name only one of the two")
             seat[number] = run
-        variants.append(Variant(label_of(own, varied), scene_of(members[0]),
+        alternatives = [other for other, _ in groups if other.get("scene") == own.get("scene")]
+        variants.append(Variant(label_of(own, alternatives, only_scene), scene_of(members[0]),
                                 tuple(Pack(seed, dict(sorted(packs[seed].items()))) for seed in sorted(packs, key=_order))))
     return tuple(variants)
 

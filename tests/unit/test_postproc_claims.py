@@ -95,6 +95,15 @@ def test_collapse_says_when_it_cannot_tell_the_maximum_from_the_mean(tmp_path: P
     assert by_max.if_mean_ruled == pytest.approx(number.number, rel=0.05) and by_max.if_mean_ruled > 1.5 * by_max.number
 
 
+def test_collapse_without_a_dry_case_that_slides_and_with_blocks_that_part(tmp_path: Path) -> None:
+    case = write_onsets(tmp_path, synthetic.ONSETS | {4: 2.4e-3, 5: None})
+    found = [finding for finding in findings_of(measure(sort_runs(find_runs([case])[0]))) if finding.claim == "d"][0]
+    assert found.verdict == "reproduced" and "(5) never moves that fast" in found.figure
+    ratios = collapse_of(case)["sigma_n_Pa"].pressure_ratio
+    assert ratios[1] == pytest.approx(synthetic.TARGET * synthetic.ONSETS[1] / 3.1e-3 / 1e7, rel=0.05)
+    assert "does not tell sliding from opening" in found.figure and f"(4) {ratios[4]:.2f} of it" in found.figure
+
+
 def test_collapse_number_by_hand(tmp_path: Path) -> None:
     # The made-up rates have the same shape, so that every level lies at the same distance from the onset: the spread of
     # 1 to 3 in sigma_n is that of their onset strains times d sigma_n / d strain = 1e10 Pa.
