@@ -14,6 +14,7 @@ from . import onset as onset_module
 from .claims import NOT_GIVEN, NOT_REPRODUCED, REPRODUCED, Finding, chief
 from .figure_style import CASE_WORDS, MEGA, Picture
 from .onset import Onset, Quantity
+from .quasi_static import vertical_stress_error, wall_difference
 from .results import MeasuredRun, MeasuredVariant
 
 PAGE = Template("""<!DOCTYPE html>
@@ -120,22 +121,23 @@ def scatter_rows(scatter: pd.DataFrame, label: str) -> str:
 
 
 def quasi_static_table(variant: MeasuredVariant) -> str:
-    """Left against right wall and unbalanced-force ratio, up to the onset and over the whole run."""
+    """Left against right wall, sigma_v against the stress to be held, unbalanced-force ratio: to the onset, and over the run."""
     rows = []
     for label, measured in measured_runs(variant):
         history = measured.run.history
-        left, right = history["sigma_h_left_Pa"].to_numpy(float), history["sigma_h_right_Pa"].to_numpy(float)
-        difference = 2.0 * np.abs(left - right) / np.maximum(np.abs(left + right), 1e-300)
         onset = measured.onsets.onset
         before = history["time_s"].to_numpy(float) <= (onset.at["time_s"].value if onset else np.inf)
         before[0] = False
         cells = [label]
-        for values in (difference, history["unbalanced_force_ratio"].to_numpy(float)):
-            cells += [f"{np.nanmax(values[before]):.2g}" if before.any() else "–", f"{np.nanmax(values[1:]):.2g}"]
+        for values in (wall_difference(history), vertical_stress_error(measured.run), history["unbalanced_force_ratio"].to_numpy(float)):
+            if values is None:
+                cells += ["–", "–"]
+            else:
+                cells += [f"{np.nanmax(values[before]):.2g}" if before.any() else "–", f"{np.nanmax(values[1:]):.2g}"]
         cells += [f"{history['porosity_gouge'].iloc[0]:.4f}", f"{history['strain'].iloc[-1] * 1e3:.2f}", f"{history['vertical_strain'].iloc[-1] * 1e3:.2f}"]
         rows.append(cells)
-    return html_table(["case", "walls differ by, to onset", "all", "unbalanced-force ratio, to onset", "all", "gouge porosity at start",
-                       "last strain, 10<sup>-3</sup>", "last vertical strain, 10<sup>-3</sup>"], rows)
+    return html_table(["case", "walls differ by, to onset", "all", "σ<sub>v</sub> off its target by, to onset", "all", "unbalanced-force ratio, to onset", "all",
+                       "gouge porosity at start", "last strain, 10<sup>-3</sup>", "last vertical strain, 10<sup>-3</sup>"], rows)
 
 
 def claim_rows(findings: Sequence[Finding], with_scope: bool) -> str:

@@ -16,7 +16,7 @@ from .errors import ForeignFile, MissingFile
 from .run_files import Run, read_json, read_run
 
 CASE_NUMBERS = (1, 2, 3, 4, 5)
-NOT_A_PARAMETER = ("case", "run", "group", "title", "pack.seed", "pressure.mode", "pressure.left_target_Pa",
+NOT_A_PARAMETER = ("case", "run", "group", "title", "decks_directory", "pack.seed", "pressure.mode", "pressure.left_target_Pa",
                    "pressure.right_target_Pa", "output", "derived")
 """Entries and sections of case.json in which runs of one variant may differ."""
 

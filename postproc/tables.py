@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .onset import QUANTITIES, SIDES, THRESHOLDS, Onset
+from .quasi_static import vertical_stress_error, wall_difference
 from .results import MeasuredRun, MeasuredVariant
 
 
@@ -39,14 +40,15 @@ def run_row(variant: str, seed: str, number: int, measured: MeasuredRun) -> dict
     row |= onset_columns("as_measured", onsets.as_measured)
     row |= onset_columns("peak_stress", onsets.peak_stress)
     row |= onset_columns("strain_rate", onsets.strain_rate)
-    left, right = history["sigma_h_left_Pa"], history["sigma_h_right_Pa"]
+    off_target = vertical_stress_error(run)
     row |= {
         "end_strain": history["strain"].iloc[-1],
         "peak_sigma_n_Pa": history["sigma_n_Pa"].max(),
         "bonds_broken": int(history[["bonds_broken_tension", "bonds_broken_shear"]].iloc[-1].sum()),
         "porosity_gouge_start": history["porosity_gouge"].iloc[0],
         "largest_unbalanced_force_ratio": history["unbalanced_force_ratio"].max(),
-        "largest_wall_difference": float((2.0 * (left - right).abs() / (left + right).abs()).iloc[1:].max()),
+        "largest_wall_difference": float(wall_difference(history)[1:].max()),
+        "largest_sigma_v_error": np.nan if off_target is None else float(off_target.max()),
     }
     return row
 

@@ -159,6 +159,15 @@ def test_packs_are_judged_one_by_one_and_together(tmp_path: Path) -> None:
     assert together["c"].verdict == "not reproduced"  # the shift between cases is the same on every pack, and larger than the uncertainty
 
 
+def test_quasi_static_figures(tmp_path: Path) -> None:
+    directory = synthetic.write_run(tmp_path, synthetic.Synthetic(samples=50))
+    table = pd.read_csv(directory / "history.csv")
+    table.loc[30, "sigma_v_Pa"] = 1.2e7
+    table.to_csv(directory / "history.csv", index=False)
+    row = run_table(measure(sort_runs(find_runs([directory])[0]))).iloc[0]
+    assert row["largest_sigma_v_error"] == pytest.approx(0.2) and row["largest_wall_difference"] == pytest.approx(0.01 / 1.005)
+
+
 def test_scatter_over_packs(tmp_path: Path) -> None:
     variants = measure(sort_runs(find_runs([synthetic.write_case(tmp_path / "case", seeds=(1, 2, 3), scatter=0.03)])[0]))
     scatter = scatter_table(variants).set_index("case")
