@@ -48,10 +48,11 @@ class Loading:
         """Make the remaining steps. A signal, or the parting of the blocks, ends the run after the current interval."""
         case, engine = self._case, self._engine
         every_history, every_checkpoint = case.output.history_interval_steps, case.output.checkpoint_every_steps
-        setup = True
         if engine.step == 0:
             self._exchange()
-            engine.run(0, setup=True)
+        # From a checkpoint, with the pore forces that its grains carry.
+        engine.run(0, setup=True)
+        if engine.step == 0:
             self._measure()
             self._snapshot()
         with StopRequest() as stop:
@@ -61,8 +62,7 @@ class Loading:
                     self._exchange()
                 steps = self._next_event(engine.step) - engine.step
                 with self._phases.timed("engine"):
-                    engine.run(steps, setup)
-                setup = False
+                    engine.run(steps, setup=False)
                 ended = self._ending(stop)
                 if engine.step % every_history == 0 or engine.step >= self._steps or ended:
                     self._measure()
@@ -72,7 +72,7 @@ class Loading:
                 if every_checkpoint and engine.step % every_checkpoint == 0 and engine.step < self._steps:
                     self._checkpoint()
                     # The neighbour list, the forces and the mesh are made anew, as they are in a run that starts from here.
-                    setup = True
+                    engine.run(0, setup=True)
                     self._flow.synchronise()
                 if ended:
                     return ended
