@@ -129,7 +129,7 @@ class Loading:
     # for good once the gouge has slid.
     stop_vertical_strain: float = allowed(0.02, above=0.0, below=1.0)
     # Time step over 0.63 sqrt(m_min / k_n), the limit of a dense pack.
-    time_step_fraction: float = allowed(0.3, above=0.0, at_most=1.0)
+    time_step_fraction: float = allowed(0.5, above=0.0, at_most=1.0)
     # Values for the `variable ... index` lines of liggghts-inputs/in.load, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})
 
@@ -141,13 +141,13 @@ class Supplement:
     # Total normal stress on the x walls.
     normal_stress_Pa: float = allowed(4e7, above=0.0, at_most=1e12)
     # Shear stress on the fault, along z.
-    shear_stress_Pa: float = allowed(1e7, at_least=0.0, at_most=1e12)
+    shear_stress_Pa: float = allowed(1.8e7, at_least=0.0, at_most=1e12)
     # Time in which the pressures rise linearly to their targets.
-    ramp_time_s: float = allowed(1e-3, above=0.0, at_most=1e6)
+    ramp_time_s: float = allowed(5e-4, above=0.0, at_most=1e6)
     # Time that the targets are held after that.
     hold_time_s: float = allowed(1e-3, at_least=0.0, at_most=1e6)
     # A run ends early when the blocks have slipped this far past each other.
-    stop_slip_m: float = allowed(1e-3, above=0.0, at_most=1e3)
+    stop_slip_m: float = allowed(1e-4, above=0.0, at_most=1e3)
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class Flow:
     # "total": pressure on the grains' surfaces and drag in the throats, the exact gradient of sum p V. "pressure": (2) of the paper alone.
     forces: str = allowed("total", choices=("total", "pressure"))
     # Steps between two updates of the forces.
-    interval_steps: int = allowed(20, at_least=1, at_most=1_000_000_000)
+    interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
     # Which deck include adds the forces: "fast", the compiled fix, or "addforce", LIGGGHTS' own fix addforce with atom-style variables.
     pore_force: str = allowed("fast", choices=("fast", "addforce"))
 

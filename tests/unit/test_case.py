@@ -58,7 +58,7 @@ def test_readings_of_the_stiffness(tmp_path: Path, reading: str, stiffness: floa
     assert run.normal_stiffness_N_per_m == pytest.approx(stiffness, rel=1e-14)
     assert run.shear_stiffness_N_per_m == pytest.approx(stiffness / 2, rel=1e-14)
     assert run.critical_time_step_s == pytest.approx(0.63 * math.sqrt(2650 * math.pi / 6 * 1.8e-3**3 / stiffness), rel=1e-14)
-    assert run.loading_steps == math.ceil(3.1e-3 / 1.56 / (0.3 * run.critical_time_step_s))
+    assert run.loading_steps == math.ceil(3.1e-3 / 1.56 / (0.5 * run.critical_time_step_s))
 
 
 def test_damping_gives_the_restitution_of_a_collision(tmp_path: Path) -> None:
