@@ -239,15 +239,18 @@ def supplement_over_packs(packs: Sequence[MeasuredPack]) -> Measurement:
 
 ONSET_CLAIMS = (
     Claim("a", "Slip of cases 2 and 3 is on the high-pressure side", "Figs 4 and 6",
-          f"the high-pressure interface slips first in both, and at half of the case's horizontal strain it has slipped at least {LEAST_RATIO} times as far as the other",
+          f"the high-pressure interface slips first in both, and at half of the case's horizontal "
+          f"strain it has slipped at least {LEAST_RATIO} times as far as the other",
           side_of_slip, majority(side_of_slip, "(smaller ratio of slips)")),
     Claim("b, strain", "Onset at the faster interface comes in the order (1) <= (2), (3) < (4) < (5) in horizontal strain", "Fig. 6",
-          f"at equal threshold, < beyond sampling and noise, <= within that or {100 * EQUAL_WITHIN:g} %; over packs, beyond or within the standard error of the mean difference",
+          f"at equal threshold, < beyond sampling and noise, <= within that or {100 * EQUAL_WITHIN:g} %; "
+          "over packs, beyond or within the standard error of the mean difference",
           order_on_pack("strain"), order_over_packs("strain")),
     Claim("b, sigma_n", "Onset at the faster interface comes in the order (1) <= (2), (3) < (4) < (5) in sigma_n", "Fig. 6",
           "as for the strain", order_on_pack("sigma_n_Pa"), order_over_packs("sigma_n_Pa")),
     Claim("c", "Cases 1, 2 and 3 begin to slip at the same sigma_n", "Fig. 6",
-          f"differences, read at equal threshold, within their uncertainty (thresholds, sampling, noise) or {100 * EQUAL_WITHIN:g} % of sigma_n; over packs, mean differences within that or two standard errors",
+          f"differences, read at equal threshold, within their uncertainty (thresholds, sampling, noise) or {100 * EQUAL_WITHIN:g} % "
+          "of sigma_n; over packs, mean differences within that or two standard errors",
           equal_onsets, equal_onsets_over_packs),
 )
 

@@ -32,7 +32,8 @@ def strain_rates_collapse(pack: MeasuredPack) -> Measurement:
     levels = f"{by_max.levels[0]:g} to {by_max.levels[-1]:g}"
     text = (f"collapse {by_max.number:.2f} against sigma_n - max p (spread of 1-3 {by_max.spread / 1e6:.2f} MPa, nearest "
             f"other case {by_max.distance / 1e6:.2f} MPa away), {by_mean.number:.2f} against sigma_n - mean p, {plain.number:.2f} "
-            f"against sigma_n; at {levels} of the way to rigid sliding; {'(4)' if by_max.without_dry else '(4) and (5)'} {'apart' if by_max.apart else 'not apart'}")
+            f"against sigma_n; at {levels} of the way to rigid sliding; "
+            f"{'(4)' if by_max.without_dry else '(4) and (5)'} {'apart' if by_max.apart else 'not apart'}")
     if by_max.without_dry:
         text += "; (5) never moves that fast"
     text += "".join(f"; {doubt}" for doubt in doubts(pack))
@@ -166,6 +167,7 @@ STRESS_CLAIMS = (
     Claim("e, force", "The largest contact force in the gouge grows about tenfold", "Fig. 5",
           f"mean over the cases that slip between {FORCE_GROWTH[0]:g} and {FORCE_GROWTH[1]:g}", largest_force_grows, majority(largest_force_grows, "")),
     Claim("f", "sigma_n at onset is that of Coulomb friction, (sigma_v - mu p)/(1 - mu), in order of magnitude", "Fig. 6",
-          f"ratio between {COULOMB_RATIO[0]:g} and {COULOMB_RATIO[1]:g} in cases 1 to 4, mu from the dry case", coulomb, majority(coulomb, "(worst ratio)")),
+          f"ratio between {COULOMB_RATIO[0]:g} and {COULOMB_RATIO[1]:g} in cases 1 to 4, mu from the dry case",
+          coulomb, majority(coulomb, "(worst ratio)")),
     Claim("g", "No bond breaks in the blocks", "Table I", "no broken bond in any case", bonds_hold, majority(bonds_hold, "bonds broken")),
 )

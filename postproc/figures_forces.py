@@ -91,8 +91,9 @@ def displacement_and_chains(runs: Mapping[int, MeasuredRun], directory: Path, st
         handles = [plt.Line2D([], [], color="black", linewidth=WIDEST_LINE * share) for share in (1.0, 0.5, 0.1)]
         panels[-1, 1].legend(handles, [f"{reference * share:.0f} N" for share in (1.0, 0.5, 0.1)], loc="upper center",
                              bbox_to_anchor=(0.5, -0.02), ncols=3, title="normal force", title_fontsize=7.5, borderpad=0.1)
-        caption = ("Displacement since the start of the loading (left; slice through the middle, arrows as the square root of its size) and force chains (right; "
-                   "width proportional to the normal force, orange: tension) at the last snapshot, like Fig. 4 of the paper. Dashed: interfaces at the start.")
+        caption = ("Displacement since the start of the loading (left; slice through the middle, arrows as the square root of its size) and "
+                   "force chains (right; width proportional to the normal force, orange: tension) at the last snapshot, like Fig. 4 of the paper. "
+                   "Dashed: interfaces at the start.")
         return save(figure, directory, stem, caption, dpi, pdf)
 
 

@@ -93,6 +93,6 @@ def scene(runs: Mapping[int, MeasuredRun], directory: Path, stem: str, dpi: int,
         for axes, (number, one) in zip(panels, runs.items()):
             colours = pressure_panel(axes, one.run, CASE_WORDS[number], max(top, 1e-9))
         below.colorbar(colours, ax=list(panels), shrink=0.7, label="p (MPa)")
-        caption = (f"The scene, like Fig. 3 of the paper: grains at the start of the loading ({shown.name}) seen from the front, walls and plates with their "
-                   "loads; below, pore pressure (MPa) at the end of each case.")
+        caption = (f"The scene, like Fig. 3 of the paper: grains at the start of the loading ({shown.name}) seen from the front, walls and "
+                   "plates with their loads; below, pore pressure (MPa) at the end of each case.")
         return save(figure, directory, stem, caption, dpi, pdf)

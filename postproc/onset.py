@@ -1,4 +1,4 @@
-"""Onset of slip: the definition, its uncertainty, and two other definitions to hold against it.
+"""Onset of slip: the definition, its uncertainty, and three other definitions to hold against it.
 
 Definition.  u(t) is the mean tangential displacement of a block against the gouge grains next to it, t the time since
 the start of the loading; the strain rate is constant, so that time stands for strain, and a scene that holds the strain

@@ -106,7 +106,8 @@ def definition_table(variant: MeasuredVariant) -> str:
         cells += onset_cells(measured.onsets.strain_rate, names, "not reached")
         rows.append(cells)
     unit = ["strain, 10<sup>-3</sup>", "σ<sub>n</sub>, MPa"]
-    return html_table(["case", *[f"{kind}: {what}" for kind in ("left interface", "right interface", "elastic part left in", "peak σ<sub>n</sub>", "strain rate") for what in unit]], rows)
+    kinds = ("left interface", "right interface", "elastic part left in", "peak σ<sub>n</sub>", "strain rate")
+    return html_table(["case", *[f"{kind}: {what}" for kind in kinds for what in unit]], rows)
 
 
 def scatter_rows(scatter: pd.DataFrame, label: str) -> str:
@@ -115,9 +116,11 @@ def scatter_rows(scatter: pd.DataFrame, label: str) -> str:
         cells = [escape(CASE_WORDS[int(row["case"])]), f"{row['packs_that_slip']} of {row['packs']}"]
         for name, factor in IN_THE_TABLE[:4]:
             mean, sd, own = (row[f"{name}_{kind}"] for kind in ("mean", "sd", "mean_uncertainty"))
-            cells.append("–" if np.isnan(mean) else f"{mean * factor:.2f}, " + ("one pack" if np.isnan(sd) else f"{sd * factor:.2f}") + f", {own * factor:.2f}")
+            scatter_words = "one pack" if np.isnan(sd) else f"{sd * factor:.2f}"
+            cells.append("–" if np.isnan(mean) else f"{mean * factor:.2f}, {scatter_words}, {own * factor:.2f}")
         rows.append(cells)
-    return html_table(["case", "packs that slip", "strain, 10<sup>-3</sup>", "σ<sub>n</sub>, MPa", "σ<sub>n</sub> − max p, MPa", "σ<sub>n</sub> − mean p, MPa"], rows)
+    return html_table(["case", "packs that slip", "strain, 10<sup>-3</sup>", "σ<sub>n</sub>, MPa", "σ<sub>n</sub> − max p, MPa",
+                       "σ<sub>n</sub> − mean p, MPa"], rows)
 
 
 def quasi_static_table(variant: MeasuredVariant) -> str:
@@ -134,9 +137,11 @@ def quasi_static_table(variant: MeasuredVariant) -> str:
                 cells += ["–", "–"]
             else:
                 cells += [f"{np.nanmax(values[before]):.2g}" if before.any() else "–", f"{np.nanmax(values[1:]):.2g}"]
-        cells += [f"{history['porosity_gouge'].iloc[0]:.4f}", f"{history['strain'].iloc[-1] * 1e3:.2f}", f"{history['vertical_strain'].iloc[-1] * 1e3:.2f}"]
+        cells += [f"{history['porosity_gouge'].iloc[0]:.4f}", f"{history['strain'].iloc[-1] * 1e3:.2f}",
+                  f"{history['vertical_strain'].iloc[-1] * 1e3:.2f}"]
         rows.append(cells)
-    return html_table(["case", "walls differ by, to onset", "all", "σ<sub>v</sub> off its target by, to onset", "all", "unbalanced-force ratio, to onset", "all",
+    return html_table(["case", "walls differ by, to onset", "all", "σ<sub>v</sub> off its target by, to onset", "all",
+                       "unbalanced-force ratio, to onset", "all",
                        "gouge porosity at start", "last strain, 10<sup>-3</sup>", "last vertical strain, 10<sup>-3</sup>"], rows)
 
 
@@ -174,7 +179,8 @@ def shifts_section(shifts: pd.DataFrame) -> str:
              f"{row['strain_uncertainty'] * 1e3:.3f}", f"{row['sigma_n_Pa_shift'] * MEGA:+.2f}", f"{row['sigma_n_Pa_uncertainty'] * MEGA:.2f}",
              "yes" if row["strain_shift_over_uncertainty"] < 1.0 else "no"] for _, row in shifts.iterrows()]
     return ("<h2>Onsets against the first variant</h2>" + f"<p>Differences from: {escape(str(shifts['against'].iloc[0]))}.</p>"
-            + html_table(["variant", "case", "onset strain moves by, 10<sup>-3</sup>", "stated uncertainty", "σ<sub>n</sub> moves by, MPa", "stated uncertainty",
+            + html_table(["variant", "case", "onset strain moves by, 10<sup>-3</sup>", "stated uncertainty", "σ<sub>n</sub> moves by, MPa",
+                          "stated uncertainty",
                           "strain within its uncertainty"], rows))
 
 

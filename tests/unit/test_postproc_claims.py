@@ -188,7 +188,8 @@ def test_shift_between_variants(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("onsets, verdict", [
-    ({2: 1.2e-3, 3: 1.2e-3, 4: None}, "reproduced"), ({2: 1.2e-3, 3: 1.2e-3, 4: 1.5e-3}, "not reproduced"), ({2: None, 3: 1.2e-3, 4: None}, "not reproduced"),
+    ({2: 1.2e-3, 3: 1.2e-3, 4: None}, "reproduced"), ({2: 1.2e-3, 3: 1.2e-3, 4: 1.5e-3}, "not reproduced"),
+    ({2: None, 3: 1.2e-3, 4: None}, "not reproduced"),
     ({2: 1.2e-3, 3: 1.2e-3}, "not tested"),
 ])
 def test_supplement(tmp_path: Path, onsets: dict, verdict: str) -> None:
