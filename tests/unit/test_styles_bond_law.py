@@ -112,7 +112,7 @@ def test_random_walks_meet_every_branch_of_the_law() -> None:
 
 def pulled_pair_scene(comm, velocity: tuple, command: str, steps: int, friction: float = 0.5, separation: float = 1.999e-3,
                       then: tuple = (), then_steps: int = 0,
-                      last: tuple = (), last_steps: int = 0, rearm: bool = False) -> dict:
+                      last: tuple = (), last_steps: int = 0, rearm: bool = False, setup: bool = False) -> dict:
     """Two grains along x, the second driven at up to three velocities in turn; what is on record at each step."""
     scene = Scene(comm, [Grain((0.01, 0.01, 0.01)), Grain((0.01 + separation, 0.01, 0.01))], Material(friction=friction), time_step=DT)
     scene.commands(command, "fix move all nve/noforce")
@@ -125,7 +125,7 @@ def pulled_pair_scene(comm, velocity: tuple, command: str, steps: int, friction:
             if rearm and speed != velocity:
                 scene.commands("fix_modify bonds armed yes")
         for _ in range(count):
-            scene.run(1, setup=False)
+            scene.run(1, setup=setup)
             contacts = scene.contact_rows()
             rows.append((scene.engine.step, scene.gather("x")[1, 0] - scene.gather("x")[0, 0], scene.gather("f")[1].copy(),
                          scene.intact_bonds(), contacts[0, 5:9].copy() if len(contacts) else None))
@@ -166,11 +166,12 @@ def test_tension_up_to_the_bonds_own_strength_then_nothing() -> None:
     assert result["counts"] == [0, 1, 0, 1, 0]
 
 
-@pytest.mark.parametrize(("away", "speed"), [(500, 1.0), (1600, 5.0)], ids=["still a neighbour", "no longer a neighbour"])
-def test_a_broken_pair_returns_unbonded_even_while_armed(away: int, speed: float) -> None:
+@pytest.mark.parametrize(("away", "speed", "setup"), [(500, 1.0, False), (500, 1.0, True), (1600, 5.0, False)],
+                         ids=["still a neighbour", "lists made anew at each step", "no longer a neighbour"])
+def test_a_broken_pair_returns_unbonded_even_while_armed(away: int, speed: float, setup: bool) -> None:
     """Parted by 0.05 and 0.8 mm (the neighbour list reaches 0.6 mm), pushed together and parted again."""
     result = pulled_pair(velocity=(speed, 0, 0), command=bond_command(), steps=away, then=(-speed, 0, 0), then_steps=away + 10, rearm=True,
-                         last=(1.0, 0, 0), last_steps=200)
+                         last=(1.0, 0, 0), last_steps=200, setup=setup)
     assert len(result["breaks"]) == 1
     returned = result["rows"][2 * away + 8 :]
     assert returned[0][4][0] > 0 and all(bonds == 0 for *_, bonds, _ in returned)
@@ -222,6 +223,28 @@ def test_shear_break_out_of_compression_loses_all_force() -> None:
     assert row[3] == 2
     broken = [force for _, _, force, bonds, _ in result["rows"] if not bonds]
     assert broken and all(np.all(force == 0) for force in broken)
+
+
+def contact_row_scene(comm, first_on_the_right: bool) -> dict:
+    centres = [(0.01, 0.01, 0.01), (0.011999, 0.01, 0.01)]
+    if first_on_the_right:  # the engine sorts grains along x, so that it sees this pair from the higher id
+        centres.reverse()
+    scene = Scene(comm, [Grain(centres[0], type=1, v=(0, 1, 0.5)), Grain(centres[1], type=2, omega=(100, 0, 0))])
+    scene.commands("fix move all nve/noforce")
+    scene.run(5)
+    return {"row": scene.contact_rows()[0], "x": scene.gather("x"), "f": scene.gather("f")}
+
+
+@pytest.mark.parametrize("first_on_the_right", [False, True])
+def test_forces_of_the_contact_list_are_those_on_the_lower_id(first_on_the_right: bool) -> None:
+    r = run_scene(contact_row_scene, first_on_the_right=first_on_the_right)[0]
+    separation = r["x"][0] - r["x"][1]
+    distance = np.linalg.norm(separation)
+    row = r["row"]
+    assert list(row[:5]) == [1, 2, 1, 2, 0]
+    np.testing.assert_allclose(row[5] * separation / distance + row[6:9], r["f"][0], atol=1e-12)
+    assert row[9] == pytest.approx(2.0e-3 - distance, abs=1e-17)
+    np.testing.assert_allclose(row[10:13], r["x"][1] + separation / 2, atol=1e-16)
 
 
 def bonded_types_scene(comm, command: str) -> list:

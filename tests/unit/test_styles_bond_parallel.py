@@ -155,6 +155,25 @@ def test_restart_is_bitwise(ranks: int, tmp_path: Path) -> None:
         np.testing.assert_array_equal(through[name], resumed[name], err_msg=name)
 
 
+def rearmed_block_scene(comm, restart: str) -> set:
+    """Pairs that are bonded after arming again, with a gap that takes in most of the broken ones."""
+    scene = Scene.from_restart(comm, Path(restart), MATERIAL, style="tangential bond stretch_max 0.03")
+    scene.commands(SETTINGS.replace("gap 1e-6", "gap 3e-5") + "yes", "fix move all nve/sphere")
+    scene.run(2)
+    return {(row[0], row[1]) for row in scene.contact_rows() if row[4]}
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_broken_pairs_are_remembered_over_a_restart(ranks: int, tmp_path: Path) -> None:
+    restart = str(tmp_path / "half.restart")
+    before = run_scene(breaking_block_scene, ranks=ranks, drift=1.0, steps=240, restart=restart)[0]
+    broken = {(row[1], row[2]) for row in before["breaks_before"]}
+    formed = {(row[0], row[1]) for row in before["formed"] if row[4]}
+    bonded = run_scene(rearmed_block_scene, ranks=ranks, restart=restart)[0]
+    assert len(broken) >= 3 and formed - broken <= bonded and not bonded & broken
+
+
 def periodic_scene(comm, shift: float) -> dict:
     """A bonded row along periodic x, stretched until it breaks at its weakest bond wherever the faces are."""
     count = 20

@@ -17,6 +17,7 @@ class FixBondSettings : public LAMMPS_NS::Fix {
   ~FixBondSettings() override;
   int setmask() override;
   void init() override;
+  void setup_pre_neighbor() override { pre_neighbor(); }
   void pre_neighbor() override;
   int modify_param(int narg, char **arg) override;
   double compute_scalar() override;

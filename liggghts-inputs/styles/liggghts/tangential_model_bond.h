@@ -221,13 +221,12 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
                              laws::spring_energy(springs, normal_after, shear_after)};
   }
 
-  // A parted contact has no shear. One that was bonded stays in the history, to be known as broken.
+  // A parted contact has no shear, and need not be kept: broken pairs are known to fix bond/settings.
   void forget_shear(SurfacesCloseData &close, double *history) const
   {
     double *const shear = &history[poreslip::bond_shear_x];
     if (shear[0] != 0.0 || shear[1] != 0.0 || shear[2] != 0.0) shear[0] = shear[1] = shear[2] = 0.0;
-    const bool once_bonded = poreslip::bond_state(history) != poreslip::laws::BondState::never_bonded;
-    if (close.contact_flags) *close.contact_flags = once_bonded ? CONTACT_NORMAL_MODEL : 0;
+    if (close.contact_flags) *close.contact_flags = 0;
   }
 
   void refuse_overstretched(const SurfacesCloseData &close, double overlap) const
