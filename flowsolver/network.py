@@ -126,6 +126,10 @@ class PoreNetwork:
         self.agree(faults)
         return self._native.update(ids, positions, radii, groups, planes, rebuild)
 
+    def remember_previous(self, remember: bool = True) -> None:
+        """Whether a mesh that is given up leaves its pores behind, for `transfer.carry_pressure` (local)."""
+        self._native.remember_previous(remember)
+
     @property
     def pores(self) -> int:
         """Number m of cells that touch this rank's grains (local)."""

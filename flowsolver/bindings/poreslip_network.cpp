@@ -181,6 +181,29 @@ NB_MODULE(poreslip_network, m) {
           nb::arg("velocity"), nb::arg("wall_velocity"),
           "velocity (n, 3) float64, m/s, in the order of the last update; wall_velocity (G, 6) float64, m/s, outward. Returns "
           "(m,) float64, m^3/s: rate of change of each pore's volume, from the coefficients of the forces (\"total\").")
+      .def("remember_previous", &PoreNetwork::remember_previous, nb::arg("remember"),
+           "Whether a mesh that is given up leaves its pores behind in previous() (local).")
+      .def(
+          "previous",
+          [](const PoreNetwork& self) {
+            const PreviousPores& p = self.previous();
+            auto grains = new_array<std::int64_t>({p.volume.size(), 4});
+            std::copy(p.grains.begin(), p.grains.end(), grains.data());
+            auto index = new_array<std::int32_t>({p.index.size()});
+            std::copy(p.index.begin(), p.index.end(), index.data());
+            return std::tuple{grains, to_array(p.volume), index};
+          },
+          "Pores owned in the mesh before: ids of their grains (k, 4) int64, volumes (k,) float64, m^3, where the grains are "
+          "now, and indices (k,) int32 among that mesh's pores (local).")
+      .def(
+          "share",
+          [](PoreNetwork& self, In<double, nb::shape<-1>> value) {
+            auto out = new_array<double>({self.pores()});
+            std::copy_n(value.data(), self.pores(), out.data());
+            self.exchange().fetch(out.data());
+            return out;
+          },
+          nb::arg("value"), "(m,) float64: values of owned pores, also at the copies that other ranks or periods see.")
       .def(
           "report",
           [](const PoreNetwork& self) {

@@ -210,6 +210,11 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   }
   check(VecRestoreArray(right_, &b));
   check(VecRestoreArray(solution_, &x));
+  // The multigrid needs the memory more than these do.
+  rows = {};
+  std::vector<PetscInt>().swap(start);
+  std::vector<PetscInt>().swap(columns);
+  std::vector<PetscScalar>().swap(values);
   if (singular) check(MatNullSpaceRemove(null_space, right_));
   check(MatNullSpaceDestroy(&null_space));
   report.assemble = elapsed(clock);

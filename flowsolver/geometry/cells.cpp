@@ -149,8 +149,8 @@ void pore_volumes(const CellView& cells, const GrainView& grains, double* volume
     const double dx = bx - ax, dy = by - ay, dz = bz - az, ex = cx - ax, ey = cy - ay, ez = cz - az;
     const double fx = cx - bx, fy = cy - by, fz = cz - bz;
     // Edges a = ij, b = ik, c = il, d = jk, e = jl, f = kl, all pointing to the later vertex. The triple product is the
-    // same at all four vertices.
-    const double det = std::abs(6.0 * volume[c]);
+    // same at all four vertices; its sign makes all parts of a cell that is inside out negative.
+    const double det = 6.0 * volume[c];
     const double aa = ax * ax + ay * ay + az * az, bb = bx * bx + by * by + bz * bz, cc = cx * cx + cy * cy + cz * cz;
     const double dd = dx * dx + dy * dy + dz * dz, ee = ex * ex + ey * ey + ez * ez, ff = fx * fx + fy * fy + fz * fz;
     const double ab = ax * bx + ay * by + az * bz, ac = ax * cx + ay * cy + az * cz, bc = bx * cx + by * cy + bz * cz;
@@ -175,7 +175,7 @@ void pore_volumes(const CellView& cells, const GrainView& grains, double* volume
   }
   for (int walls = 1; walls < 4; ++walls)
     for (std::size_t c = cells.end[walls - 1]; c < cells.end[walls]; ++c)
-      volume[c] -= solid_in_wall_cell(cells, grains, c, 4 - walls);
+      volume[c] -= std::copysign(1.0, volume[c]) * solid_in_wall_cell(cells, grains, c, 4 - walls);
 }
 
 void cell_centroids(const CellView& cells, const GrainView& grains, double* centre) {

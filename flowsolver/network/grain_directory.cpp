@@ -43,7 +43,7 @@ void GrainDirectory::reset(const std::vector<std::int64_t>& id) {
   strays_everywhere_ = 0;
 }
 
-bool GrainDirectory::match(MPI_Comm comm, const GrainInput& input) {
+GrainDirectory::Match GrainDirectory::match(MPI_Comm comm, const GrainInput& input) {
   std::int64_t strays = 0;
   if (!std::equal(input_id_.begin(), input_id_.end(), input.id, input.id + input.count)) {
     input_id_.assign(input.id, input.id + input.count);
@@ -68,9 +68,9 @@ bool GrainDirectory::match(MPI_Comm comm, const GrainInput& input) {
   std::array<std::int64_t, 4> total{strays, static_cast<std::int64_t>(lost_.size()),
                                     static_cast<std::int64_t>(input.count), repeated ? 1 : 0};
   MPI_Allreduce(MPI_IN_PLACE, total.data(), 4, MPI_INT64_T, MPI_SUM, comm);
-  if (total[3] > 0 || total[0] != total[1] || total[0] * rebuild_one_in > total[2]) return false;
+  if (total[3] > 0 || total[0] != total[1]) return Match::other;
   strays_everywhere_ = total[0];
-  if (strays_everywhere_ == 0) return true;
+  if (strays_everywhere_ == 0) return Match::same;
 
   std::vector<Stray> mine;
   for (std::size_t i = 0; i < input.count; ++i)
@@ -83,7 +83,8 @@ bool GrainDirectory::match(MPI_Comm comm, const GrainInput& input) {
   std::sort(wanted.begin(), wanted.end());
   int unknown = std::includes(ids.begin(), ids.end(), wanted.begin(), wanted.end()) ? 0 : 1;
   MPI_Allreduce(MPI_IN_PLACE, &unknown, 1, MPI_INT, MPI_SUM, comm);
-  return unknown == 0;
+  if (unknown > 0) return Match::other;
+  return strays_everywhere_ * rebuild_one_in > total[2] ? Match::scattered : Match::same;
 }
 
 void GrainDirectory::gather(MPI_Comm comm, const GrainInput& input, OwnGrains& own) const {

@@ -20,9 +20,13 @@ class GrainDirectory {
   // Own grains of the mesh are the caller's, in the caller's order.
   void reset(const std::vector<std::int64_t>& id);
 
-  // Collective. Takes up the caller's present order. False on all ranks if the mesh cannot go on: grains have come or gone,
-  // or too many have moved.
-  bool match(MPI_Comm comm, const GrainInput& input);
+  enum class Match {
+    same,       // the mesh can go on
+    scattered,  // the same grains, but too many of them are strays
+    other,      // grains have come or gone
+  };
+  // Collective. Takes up the caller's present order. The same answer on all ranks.
+  Match match(MPI_Comm comm, const GrainInput& input);
 
   // Collective. The caller's positions, radii and groups, in the order of the mesh's own grains.
   void gather(MPI_Comm comm, const GrainInput& input, OwnGrains& own) const;

@@ -81,17 +81,37 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
     ++report_.kept;
     return Outcome::kept;
   }
+  if (meshed_ && remember_previous_) leave_behind();
   rebuild(input);
   ++report_.rebuilt;
   return Outcome::rebuilt;
 }
 
+// A mesh that no longer is the triangulation still fills the box: its pores' volumes, with the grains where they now are, sum
+// to those of the mesh to come.
+void PoreNetwork::leave_behind() {
+  std::vector<double> volume(pores());
+  std::vector<std::int64_t> grains(4 * pores());
+  pore_volume(volume.data());
+  grains_of_pore(grains.data());
+  previous_ = {};
+  for (std::size_t c = 0; c < pores(); ++c) {
+    if (!mesh_.owned[c]) continue;
+    previous_.grains.insert(previous_.grains.end(), &grains[4 * c], &grains[4 * c] + 4);
+    previous_.volume.push_back(volume[c]);
+    previous_.index.push_back(static_cast<std::int32_t>(c));
+  }
+}
+
 bool PoreNetwork::keep(const GrainInput& input) {
   const Timer timer(report_.certify);
-  if (!directory_.match(comm_, input)) return false;
+  const GrainDirectory::Match match = directory_.match(comm_, input);
+  if (match == GrainDirectory::Match::other) return false;
+  if (match == GrainDirectory::Match::scattered && !remember_previous_) return false;
   place(input, true);
   halo_.refresh(own_);
   refresh_local_grains();
+  if (match == GrainDirectory::Match::scattered) return false;
   walls_ = make_wall_spheres(domain_, wall_position_);
   const Certificate certificate = certify(mesh_, local_, walls_);
   std::array<std::int64_t, 2> total{certificate.valid() ? 0 : 1, certificate.exact_tests};

@@ -33,6 +33,13 @@ struct ThroatSections {
   std::vector<double> facet_area, open_area, perimeter, length;  // m^2, m^2, m, m
 };
 
+// The pores that this rank owned in the mesh before the present one.
+struct PreviousPores {
+  std::vector<std::int64_t> grains;     // (k, 4)
+  std::vector<double> volume;           // (k), m^3, where the grains are now
+  std::vector<std::int32_t> index;      // (k), among that mesh's local pores
+};
+
 struct Limited {
   std::int64_t pores, throats;  // over all ranks
 };
@@ -47,6 +54,10 @@ class PoreNetwork {
   PoreNetwork& operator=(const PoreNetwork&) = delete;
 
   Outcome update(const GrainInput& input, bool rebuild);
+
+  // Whether a mesh that is given up leaves its pores behind in previous(), for what they held to be handed on.
+  void remember_previous(bool remember) { remember_previous_ = remember; }
+  const PreviousPores& previous() const { return previous_; }
 
   // Throws InputError on all ranks with the message of the lowest rank that has one.
   void agree(const std::string& message) const;
@@ -89,6 +100,7 @@ class PoreNetwork {
  private:
   bool keep(const GrainInput& input);
   void rebuild(const GrainInput& input);
+  void leave_behind();
   void place(const GrainInput& input, bool continuous);
   void sort_local_grains();
   void refresh_local_grains();
@@ -104,6 +116,8 @@ class PoreNetwork {
   Mesh mesh_;
   std::vector<std::size_t> wall_facets_;  // facets of cells that have walls
   GrainDirectory directory_;
+  bool remember_previous_ = false;
+  PreviousPores previous_;
   PoreExchange exchange_;
   bool exchange_built_ = false;
   std::int64_t mesh_number_ = 0;
