@@ -99,6 +99,40 @@ def servo_result(scene: Scene) -> dict:
             "vector": [scene.fix_value("top", column) for column in range(1, 8)]}
 
 
+def leaving_scene(comm) -> tuple[float, list[float]]:
+    scene = Scene(comm, [Grain((0.01, 0.01, 0.01), v=(20.0, 0, 0))])
+    scene.commands("fix side all wall/plane normal 1 0 0 position 0.00901 kn 1e6 gamman 1e5 velocity 0", "fix move all nve/noforce")
+    scene.run(1)
+    return scene.gather("f")[0, 0], wall_state(scene, "side")
+
+
+def test_the_dashpot_does_not_pull() -> None:
+    force, state = run_scene(leaving_scene)[0]  # 8 N of the spring against 21 N of the dashpot
+    assert force == 0 and state[CONTACT_FORCE] == 0 and state[CONTACTS] == 1
+
+
+def servo_steps_scene(comm) -> list[list[float]]:
+    scene = Scene(comm, column())
+    scene.commands(f"fix top all wall/plane normal 0 0 -1 position 0.008999 kn 1e6 {SERVO.replace('gain 0.1', 'gain 0.01')}", "fix move all nve/sphere")
+    scene.engine.set_wall_fluid_force("top", 2.0)
+    states = []
+    for step in range(200):
+        scene.run(1, setup=step == 0)
+        states.append(wall_state(scene, "top"))
+    return states
+
+
+def test_speed_of_the_servo_at_each_step() -> None:
+    states = run_scene(servo_steps_scene)[0]
+    limited = states[0][LIMITED]
+    for before, after in zip(states, states[1:]):
+        speed = 0.01 * (STRESS * AREA - before[CONTACT_FORCE] - 2.0) / (1e6 * max(before[CONTACTS], 1) * 1e-7)
+        limited += abs(speed) > 0.5
+        assert after[VELOCITY] == pytest.approx(-np.clip(speed, -0.5, 0.5), rel=1e-12)
+        assert after[LIMITED] == limited
+    assert {state[CONTACTS] for state in states} >= {0.0, 5.0} and 0 < limited < len(states)
+
+
 def test_servo_reaches_its_stress() -> None:
     result = run_scene(servo_scene, servo=SERVO)[0]
     assert result["top"][CONTACT_FORCE] == pytest.approx(STRESS * AREA, rel=1e-6)
