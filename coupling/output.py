@@ -45,12 +45,14 @@ class RunOutput:
         checkpoint.remove_partial(directory)
         if resume is None:
             self._remove_former_run()
+        for name, length in (resume or {}).items():
+            path = directory / name
+            if not path.is_file() or path.stat().st_size < length:
+                raise InputError(
+                    f"{path} is shorter than when the checkpoint was written ({length} bytes); put the file back, or run the case from its start")
         for name, columns in (("history.csv", HISTORY_COLUMNS), ("bonds.csv", BOND_COLUMNS)):
             path = directory / name
             if resume is not None:
-                if not path.is_file() or path.stat().st_size < resume[name]:
-                    raise InputError(
-                        f"{path} is shorter than when the checkpoint was written ({resume[name]} bytes); put the file back, or run the case from its start")
                 os.truncate(path, resume[name])
             file = open(path, "a" if resume is not None else "w", newline="")
             self._tables[name] = file
