@@ -2,50 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-
-REPOSITORY = Path(__file__).resolve().parent.parent
-_MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
-
-Completed = subprocess.CompletedProcess
-
-
-def environment(**extra: str) -> dict[str, str]:
-    """The environment of a process that a test starts: this interpreter's packages, one thread, MPI as the launcher sets it."""
-    paths = [str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1", "OMPI_MCA_btl_vader_single_copy_mechanism": "none"} | extra
-
-
-def run_process(command: Sequence[str | Path], timeout: float, cwd: Path | None = None, env: dict[str, str] | None = None) -> Completed:
-    """Run a command with its output captured; one that hangs is ended with all it started, and the test fails with what it wrote."""
-    process = subprocess.Popen(
-        [str(part) for part in command],
-        cwd=cwd,
-        env=environment() if env is None else env,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        out, err = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGTERM)
-        try:
-            out, err = process.communicate(timeout=5)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            out, err = process.communicate()
-        pytest.fail(f"{' '.join(map(str, command))} hung for {timeout:g} s\n{out[-2000:]}\n{err[-2000:]}")
-    return Completed(process.args, process.returncode, out, err)
+from processes import MPIRUN, REPOSITORY, Completed, environment, run_process, the_message
+from tiny_fault import TINY, settings
 
 
 @pytest.fixture(scope="session")
@@ -56,7 +20,7 @@ def mpirun() -> Callable[..., Completed]:
     """
 
     def run(ranks: int, arguments: Sequence[str | Path], timeout: float = 120.0, cwd: Path | None = None, env: dict[str, str] | None = None) -> Completed:
-        return run_process([*_MPIRUN, "-n", str(ranks), sys.executable, *arguments], timeout, cwd, environment(**(env or {})))
+        return run_process([*MPIRUN, "-n", str(ranks), sys.executable, *arguments], timeout, cwd, environment(**(env or {})))
 
     return run
 
@@ -71,3 +35,55 @@ def poreslip(mpirun: Callable[..., Completed]) -> Callable[..., Completed]:
         return run_process([sys.executable, "-m", "coupling", *arguments], timeout, cwd, environment(**(env or {})))
 
     return run
+
+
+@pytest.fixture(scope="session")
+def stage_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of the stages that the tests prepare: each pack is made once a session, and none of the user's is touched."""
+    return tmp_path_factory.mktemp("stages")
+
+
+@pytest.fixture
+def tiny_case(tmp_path: Path) -> Path:
+    """Case file of the tiny fault, with the runs `wet` and `dry`."""
+    path = tmp_path / "tiny.toml"
+    path.write_text(TINY)
+    return path
+
+
+@pytest.fixture
+def run_fault(poreslip: Callable[..., Completed], stage_cache: Path, tiny_case: Path, tmp_path: Path) -> Callable[..., Path]:
+    """`run_fault(*overrides, run="wet", out="out", ranks=1, options=(), case=None)`: run the tiny fault; the directory of its results."""
+
+    def run(*overrides: str, run: str = "wet", out: str = "out", ranks: int = 1, options: Sequence[str] = (), case: Path | None = None) -> Path:
+        done = poreslip(
+            "run", case or tiny_case, "--only", run, "--out", tmp_path / out, *settings(*overrides), *options, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)}
+        )
+        assert done.returncode == 0, done.stderr
+        return tmp_path / out / "tiny" / run
+
+    return run
+
+
+@pytest.fixture
+def failing_fault(poreslip: Callable[..., Completed], stage_cache: Path, tiny_case: Path, tmp_path: Path) -> Callable[..., str]:
+    """`failing_fault(*overrides, status=2, run="dry", ranks=1, options=(), env={})`: run the tiny fault, which must end with that exit status
+    and one message; the message.
+    """
+
+    def run(
+        *overrides: str, status: int = 2, run: str = "dry", ranks: int = 1, options: Sequence[str | Path] = (), env: dict[str, str] | None = None
+    ) -> str:
+        command = ["run", tiny_case, "--only", run, "--out", tmp_path / "out", *settings(*overrides), *options]
+        done = poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)} | (env or {}))
+        return the_message(done, status)
+
+    return run
+
+
+@pytest.fixture
+def own_decks(tmp_path: Path) -> Path:
+    """A copy of the decks, to be changed; the tiny fault takes them with `decks_directory=...`."""
+    copy = tmp_path / "my-decks"
+    shutil.copytree(REPOSITORY / "liggghts-inputs", copy, ignore=shutil.ignore_patterns("styles"))
+    return copy
