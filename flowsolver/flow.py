@@ -112,7 +112,7 @@ class PoreFlow:
         faults: list[str] = []
         force = checked_array("body_force", body_force, np.float64, (3,), faults)
         self.network.agree(faults)
-        self._body_force = force
+        self.body_force = force
         self._native.refresh([float(f) for f in force])
 
     @property
@@ -133,6 +133,10 @@ class PoreFlow:
     def storage(self) -> NDArray[np.float64]:
         """(m,) float64, m^3/Pa, local: compressibility times (limited) void volume of each pore."""
         return self._native.storage()
+
+    def given(self, boundary: Boundary) -> NDArray[np.bool_]:
+        """(m,) bool: pores whose pressure the boundary gives. Collective."""
+        return self._conditions(boundary, None, None)[0]
 
     def steady(
         self, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
@@ -172,7 +176,7 @@ class PoreFlow:
         step = centre[right] - centre[left]
         for axis in np.flatnonzero(self.network.periodic):
             step[:, axis] -= self.network.lengths[axis] * np.round(step[:, axis] / self.network.lengths[axis])
-        moved = (self.conductance * (pressures[left] - pressures[right] + step @ self._body_force)) @ step
+        moved = (self.conductance * (pressures[left] - pressures[right] + step @ self.body_force)) @ step
         self.network.comm.Allreduce(MPI.IN_PLACE, moved)
         return moved / self.network.lengths.prod()
 

@@ -1,0 +1,100 @@
+"""Two-way coupling: what the fluid does between its solves, and that work and mass close."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geometry_reference import UNIT_BOX, random_pack
+from mpi4py import MPI
+
+from flowsolver import InputError, PoreNetwork
+from flowsolver.flow import Boundary, PoreFlow
+from flowsolver.two_way import TwoWayCoupling
+
+DRAINED_BELOW = Boundary(pressure={"zmin": 0.0})
+
+
+@pytest.fixture
+def pack():
+    x, r = random_pack(120, (0.06, 0.09), seed=5)
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    net.update(np.arange(120), x, r)
+    return net, PoreFlow(net, 1e-3, compressibility=4.5e-10), x, r
+
+
+def test_undrained_box_answers_at_once(pack):
+    """A sealed box whose lid sinks: at once every pore answers to its own squeeze; after the solve all have the mean."""
+    net, flow, x, _ = pack
+    coupling = TwoWayCoupling(net, flow, Boundary(), np.zeros(net.pores))
+    lid = np.zeros((1, 6))
+    lid[0, 5] = -1e-4
+    for _ in range(10):
+        coupling.move(np.zeros_like(x), 0.1, lid)
+    squeezed = net.volume_rate(np.zeros_like(x), lid)
+    np.testing.assert_allclose(coupling.pressure, -squeezed / flow.storage, rtol=1e-12)
+    held = (flow.storage * coupling.pressure).sum()
+    coupling.exchange()
+    assert (flow.storage * coupling.pressure).sum() == pytest.approx(held, rel=1e-9)
+    assert np.ptp(coupling.pressure) < 1e-4 * coupling.pressure.mean()
+
+
+@pytest.mark.parametrize("split", ["undrained", "drained"])
+def test_work_and_mass_close_every_interval(pack, split):
+    net, flow, x, _ = pack
+    rng = np.random.default_rng(0)
+    coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.full(net.pores, 1e4), split)
+    for _ in range(3):
+        gained = lost = 0.0
+        for _ in range(4):
+            velocity, walls = rng.normal(size=x.shape) * 1e-6, rng.normal(size=(1, 6)) * 1e-6
+            force, wall_force = coupling.forces()
+            gained += ((force * velocity).sum() + (wall_force * walls).sum()) * 1e-8
+            lost += coupling.pressure @ net.volume_rate(velocity, walls) * 1e-8
+            coupling.move(velocity, 1e-8, walls)
+        assert gained == pytest.approx(lost, rel=1e-10)
+        assert coupling.exchange().mass_residual < 1e-10
+
+
+def test_both_splits_have_the_same_solve(pack):
+    """The split decides what the grains feel within an interval, not what the fluid does over it."""
+    net, flow, x, _ = pack
+    velocity = np.random.default_rng(1).normal(size=x.shape) * 1e-6
+    after = []
+    for split in ("undrained", "drained"):
+        coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.full(net.pores, 1e4), split)
+        coupling.move(velocity, 1e-7)
+        coupling.exchange()
+        after.append(coupling.pressure)
+    np.testing.assert_array_equal(*after)
+
+
+def test_a_new_mesh_between_intervals(pack):
+    net, flow, x, r = pack
+    coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.full(net.pores, 1e4))
+    rng = np.random.default_rng(2)
+    outcomes = set()
+    for _ in range(6):
+        step = rng.normal(size=x.shape) * 3e-4
+        coupling.move(step / 1e-6, 1e-6)
+        coupling.exchange()
+        x = np.clip(x + step, 0.01, 0.99)
+        outcomes.add(coupling.update(np.arange(120), x, r, UNIT_BOX))
+        assert len(coupling.pressure) == net.pores and np.isfinite(coupling.pressure).all()
+    assert "rebuilt" in outcomes
+
+
+def test_bad_input(pack):
+    net, flow, x, r = pack
+    p = np.zeros(net.pores)
+    with pytest.raises(InputError, match="split is 'half'"):
+        TwoWayCoupling(net, flow, DRAINED_BELOW, p, "half")
+    with pytest.raises(InputError, match="compressibility above 0"):
+        TwoWayCoupling(net, PoreFlow(net, 1e-3), DRAINED_BELOW, p)
+    coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, p)
+    with pytest.raises(InputError, match=r"at least one move\(\)"):
+        coupling.exchange()
+    with pytest.raises(InputError, match="dt is nan"):
+        coupling.move(np.zeros_like(x), float("nan"))
+    coupling.move(np.zeros_like(x), 1.0)
+    with pytest.raises(InputError, match=r"call exchange\(\) first"):
+        coupling.update(np.arange(120), x, r)
