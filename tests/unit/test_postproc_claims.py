@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import synthetic_run as synthetic  # noqa: E402
 from postproc import claims, collapse  # noqa: E402
+from postproc.claims_onset import difference_of_onsets  # noqa: E402
 from postproc.command_line import findings_of, main  # noqa: E402
 from postproc.results import measure  # noqa: E402
 from postproc.run_sets import find_runs, sort_runs  # noqa: E402
@@ -70,6 +71,21 @@ def test_order_fails_when_case_4_comes_before_case_3_and_equality_holds_when_ons
 
 def collapse_of(case: Path) -> dict[str, collapse.Collapse]:
     return measure(sort_runs(find_runs([case])[0]))[0].packs[0].collapse
+
+
+def test_case_1_may_come_a_little_later_but_not_much(tmp_path: Path) -> None:
+    assert verdicts(write_onsets(tmp_path / "little", synthetic.ONSETS | {1: 1.22e-3}))["b, strain"] == "reproduced"
+    assert verdicts(write_onsets(tmp_path / "much", synthetic.ONSETS | {1: 1.30e-3}))["b, strain"] == "not reproduced"
+
+
+def test_uncertainty_of_a_difference_is_half_its_range_over_the_thresholds(tmp_path: Path) -> None:
+    made = {"ramp_width": 1e-5, "elastic_slip": 0.0, "samples": 4000, "stiffness": 2e10}
+    for number, rate in ((1, 0.35), (2, 0.1)):
+        synthetic.write_run(tmp_path, synthetic.Synthetic(number=number, onset_strain=1.2e-3, slip_per_strain=rate, **made))
+    (tmp_path / "runs.json").write_text('{"runs": ["none"]}')
+    value, uncertainty = difference_of_onsets(measure(sort_runs(find_runs([tmp_path])[0]))[0].packs[0], 1, 2)
+    assert value == pytest.approx(0.0, abs=2e4)
+    assert uncertainty == pytest.approx(0.0075 * synthetic.DIAMETER * (1 / 0.1 - 1 / 0.35) * 1e10, rel=0.05)
 
 
 def test_collapse_is_small_against_the_maximum_only_when_the_maximum_rules(tmp_path: Path) -> None:

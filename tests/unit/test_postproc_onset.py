@@ -94,7 +94,7 @@ def test_the_elastic_part_brings_the_onset_as_measured_forward(tmp_path: Path) -
     found = onsets_of(tmp_path, elastic_slip=2e-3, slip_per_strain=0.1)
     # 0.1 (e - 1.2e-3) + 2e-3 e = 0 beyond the ramp's knee: the elastic 2.4 um at the onset take 2.4e-6 / 0.102 of strain
     assert found.as_measured.at["strain"].value == pytest.approx(1.2e-3 - 2.4e-6 / 0.102, abs=4e-6)
-    without = onsets_of(tmp_path, number=2, elastic_slip=0.0)
+    without = onsets_of(tmp_path, number=2, elastic_slip=0.0, other_onset_strain=1.8e-3)
     assert without.as_measured.at["strain"].value == pytest.approx(without.onset.at["strain"].value, rel=1e-3)
     assert onsets_of(tmp_path, number=3, onset_strain=None).as_measured is None
 
