@@ -112,7 +112,8 @@ class PoreNetwork:
 
         Returns
         -------
-        "kept" or "rebuilt", the same on all ranks.
+        "kept" (the mesh still holds), "repaired" (by flips; on one rank without periods) or "rebuilt", the same on all ranks.
+        After "repaired" and "rebuilt" the pores are other ones.
         """
         faults: list[str] = []
         ids = checked_array("id", id, np.int64, (None,), faults)
@@ -232,6 +233,6 @@ class PoreNetwork:
         return self._native.volume_rate(np.zeros((self._native.grains, 3)), speed)
 
     def report(self) -> dict[str, Any]:
-        """Counts over all ranks (grains, pores, throats, hidden_grains, kept, rebuilt, exact_tests of the last certificate),
+        """Counts over all ranks (grains, pores, throats, hidden_grains, kept, repaired, rebuilt, exact_tests of the last certificate),
         the halo's width in m, and this rank's seconds by phase (tessellate, certify, geometry, forces)."""
         return self._native.report()

@@ -58,7 +58,7 @@ def _ask(comm: MPI.Comm, known: NDArray, value: NDArray, wanted: NDArray) -> tup
 def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int) -> NDArray[np.float64]:
     """Pressures on the present mesh from those on the one before. Collective.
 
-    Call it after an update that returned "rebuilt", on a network with `remember_previous` set. Pores that are the same keep
+    Call it after an update that returned "repaired" or "rebuilt", on a network with `remember_previous` set. Pores that are the same keep
     their pressure; those that are new get the mean of the vanished ones around them, and all of these one common shift, so that
     the sum of volume times pressure, and with it the fluid's mass, is what it was.
 

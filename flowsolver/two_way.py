@@ -83,7 +83,7 @@ class TwoWayCoupling:
         self.network.agree(["update() comes between intervals: call exchange() first"] if self._elapsed > 0 else [])
         before = self.network.pores
         outcome = self.network.update(id, position, radius, wall_position, group)
-        if outcome == "rebuilt":
+        if outcome != "kept":
             self.pressure = carry_pressure(self.network, self.pressure, before)
         self.flow.refresh(self.flow.body_force)
         self._begin()

@@ -64,12 +64,13 @@ NB_MODULE(poreslip_network, m) {
              In<double, nb::shape<-1, 6>> wall_position, bool rebuild) {
             const GrainInput input{id.shape(0),  id.data(),    position.data(),        radius.data(),
                                    group.data(), wall_position.shape(0), wall_position.data()};
-            return self.update(input, rebuild) == Outcome::kept ? "kept" : "rebuilt";
+            constexpr const char* name[] = {"kept", "repaired", "rebuilt"};
+            return name[static_cast<int>(self.update(input, rebuild))];
           },
           nb::arg("id"), nb::arg("position"), nb::arg("radius"), nb::arg("group"), nb::arg("wall_position"),
           nb::arg("rebuild"),
           "id (n,) int64; position (n, 3) float64, m; radius (n,) float64, m; group (n,) int32; wall_position (G, 6) float64, "
-          "m, the same on all ranks. Returns \"kept\" or \"rebuilt\", the same on all ranks.")
+          "m, the same on all ranks. Returns \"kept\", \"repaired\" or \"rebuilt\", the same on all ranks.")
       .def_prop_ro("pores", &PoreNetwork::pores, "Number of cells that touch this rank's grains (local).")
       .def_prop_ro("throats", &PoreNetwork::throats, "Number of facets that touch this rank's grains (local).")
       .def_prop_ro("groups", &PoreNetwork::groups, "Rows of wall_position of the last update.")
@@ -214,6 +215,7 @@ NB_MODULE(poreslip_network, m) {
             out["throats"] = r.throats;
             out["hidden_grains"] = r.hidden_grains;
             out["kept"] = r.kept;
+            out["repaired"] = r.repaired;
             out["rebuilt"] = r.rebuilt;
             out["exact_tests"] = r.exact_tests;
             out["halo"] = r.halo;

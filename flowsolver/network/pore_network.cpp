@@ -11,6 +11,7 @@
 #include "tessellation/agreement.hpp"
 #include "tessellation/certificate.hpp"
 #include "tessellation/errors.hpp"
+#include "tessellation/flips.hpp"
 #include "tessellation/hilbert.hpp"
 #include "tessellation/triangulation.hpp"
 
@@ -30,6 +31,9 @@ class Timer {
 
 // The halo starts at twice the largest grain's diameter: enough for packs down to twice the porosity of a dense one.
 constexpr double halo_radii = 4.0;
+
+// Beyond this share of violated facets, flips cost more than a new triangulation.
+constexpr std::int64_t repair_one_in = 20;
 
 // A grain this share of a period outside the box is put back in; nearer ones stay where the DEM engine has them.
 constexpr double wrap_margin = 0.25;
@@ -77,10 +81,11 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
 
   const bool may_keep = meshed_ && !rebuild_asked && hidden_ == 0 && planes.size() == wall_position_.size();
   wall_position_ = std::move(planes);
-  if (may_keep && keep(input)) {
-    ++report_.kept;
-    return Outcome::kept;
-  }
+  if (may_keep)
+    if (const std::optional<Outcome> outcome = keep(input)) {
+      ++(*outcome == Outcome::kept ? report_.kept : report_.repaired);
+      return *outcome;
+    }
   if (meshed_ && remember_previous_) leave_behind();
   rebuild(input);
   ++report_.rebuilt;
@@ -103,21 +108,30 @@ void PoreNetwork::leave_behind() {
   }
 }
 
-bool PoreNetwork::keep(const GrainInput& input) {
+std::optional<Outcome> PoreNetwork::keep(const GrainInput& input) {
   const Timer timer(report_.certify);
   const GrainDirectory::Match match = directory_.match(comm_, input);
-  if (match == GrainDirectory::Match::other) return false;
-  if (match == GrainDirectory::Match::scattered && !remember_previous_) return false;
+  if (match == GrainDirectory::Match::other) return std::nullopt;
+  if (match == GrainDirectory::Match::scattered && !remember_previous_) return std::nullopt;
   place(input, true);
   halo_.refresh(own_);
   refresh_local_grains();
-  if (match == GrainDirectory::Match::scattered) return false;
+  if (match == GrainDirectory::Match::scattered) return std::nullopt;
   walls_ = make_wall_spheres(domain_, wall_position_);
   const Certificate certificate = certify(mesh_, local_, walls_);
-  std::array<std::int64_t, 2> total{certificate.valid() ? 0 : 1, certificate.exact_tests};
-  MPI_Allreduce(MPI_IN_PLACE, total.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
-  report_.exact_tests = total[1];
-  return total[0] == 0;
+  std::array<std::int64_t, 4> total{static_cast<std::int64_t>(certificate.violated_facets.size()), certificate.inverted_cells,
+                                    certificate.exact_tests, static_cast<std::int64_t>(halo_.grains().size())};
+  MPI_Allreduce(MPI_IN_PLACE, total.data(), 4, MPI_INT64_T, MPI_SUM, comm_);
+  report_.exact_tests = total[2];
+  if (total[0] == 0 && total[1] == 0) return Outcome::kept;
+  // Copies of a cell on other ranks, or in other periods, would have to be flipped alike: there the mesh is made anew.
+  if (total[1] > 0 || total[3] > 0 || total[0] * repair_one_in > static_cast<std::int64_t>(mesh_.facets()))
+    return std::nullopt;
+  const auto cells = flip(mesh_, local_, walls_, certificate.violated_facets);
+  if (!cells) return std::nullopt;
+  if (remember_previous_) leave_behind();
+  take(*cells);
+  return Outcome::repaired;
 }
 
 // Own grains at their new places; continuous: as the periodic image nearest to where they were.
@@ -173,7 +187,11 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   }
   hidden_ = cells.hidden;
   MPI_Allreduce(MPI_IN_PLACE, &hidden_, 1, MPI_INT64_T, MPI_SUM, comm_);
+  take(cells);
+  meshed_ = true;
+}
 
+void PoreNetwork::take(const TouchingCells& cells) {
   mesh_ = make_mesh(cells, local_);
   wall_facets_.clear();
   const auto walled = [this](std::int32_t cell) { return static_cast<std::size_t>(cell) >= mesh_.cell_end[0]; };
@@ -181,7 +199,6 @@ void PoreNetwork::rebuild(const GrainInput& input) {
     if (walled(mesh_.facet.left[f]) || walled(mesh_.facet.right[f])) wall_facets_.push_back(f);
   exchange_built_ = false;
   ++mesh_number_;
-  meshed_ = true;
 }
 
 // Own grains and halo together, along a Hilbert curve; the order depends on positions and ids only, not on the caller's order.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "geometry/facets.hpp"
@@ -18,12 +19,12 @@
 
 namespace poreslip {
 
-enum class Outcome { kept, rebuilt };
+enum class Outcome { kept, repaired, rebuilt };
 
 struct NetworkReport {
   std::int64_t grains, pores, throats;       // over all ranks
   std::int64_t hidden_grains;                // inside others, without a cell, over all ranks
-  std::int64_t kept, rebuilt;                // updates
+  std::int64_t kept, repaired, rebuilt;      // updates
   std::int64_t exact_tests;                  // of the last certificate, over all ranks
   double halo;                               // m
   double tessellate, certify, geometry, forces;  // seconds of this rank
@@ -98,7 +99,9 @@ class PoreNetwork {
   std::int64_t mesh_number() const { return mesh_number_; }  // changes whenever the mesh does
 
  private:
-  bool keep(const GrainInput& input);
+  // Whether the mesh at hand could be kept or repaired.
+  std::optional<Outcome> keep(const GrainInput& input);
+  void take(const TouchingCells& cells);
   void rebuild(const GrainInput& input);
   void leave_behind();
   void place(const GrainInput& input, bool continuous);

@@ -1,94 +1,20 @@
 #include "tessellation/certificate.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
+
+#include "tessellation/predicates.hpp"
 
 namespace poreslip {
 namespace {
 
-// Relative rounding error of a determinant below, of the sum of its terms' absolute values: some twenty operations each.
-constexpr double relative_error = 1e-14;
-
-// A vertex seen from a grain: direction, and how far it is lifted, |d|^2 - (R^2 - R_a^2). For a wall both over its sphere's
-// radius, which keeps all signs.
-struct Lifted {
-  double d[3];
-  double lift;
-  double lift_scale;   // sum of the absolute values of the lift's terms
-  double lift_error;   // error beyond rounding: the sphere's own coordinates carry fewer digits of the plane
-};
-
-Lifted lifted(const LocalGrains& grains, const WallSpheres& walls, Vertex a, Vertex b) {
-  Lifted r;
-  const double pa[3] = {grains.x[a], grains.y[a], grains.z[a]};
-  if (!is_wall(b)) {
-    const double pb[3] = {grains.x[b], grains.y[b], grains.z[b]};
-    double square = 0.0;
-    for (int k = 0; k < 3; ++k) {
-      r.d[k] = pb[k] - pa[k];
-      square += r.d[k] * r.d[k];
-    }
-    const double wa = grains.radius[a] * grains.radius[a], wb = grains.radius[b] * grains.radius[b];
-    r.lift = square - wb + wa;
-    r.lift_scale = square + wb + wa;
-    r.lift_error = 0.0;
-    return r;
-  }
-  const int wall = wall_of(b), axis = wall_axis(wall);
-  const double sign = wall_sign(wall), radius = walls.radius;
-  double sideways = 0.0;
-  for (int k = 0; k < 3; ++k) {
-    const double d = walls.centre[wall][k] - pa[k];
-    r.d[k] = d / radius;
-    if (k != axis) sideways += d * d;
-  }
-  const double gap = sign * (walls.centre[wall][axis] - pa[axis]) - radius;
-  const double rest = (gap * gap + sideways + grains.radius[a] * grains.radius[a]) / radius;
-  r.lift = 2.0 * gap + rest;
-  r.lift_scale = 2.0 * std::abs(gap) + rest;
-  r.lift_error = 8.0 * 2.3e-16 * radius;
-  return r;
-}
-
-// Sign of the orientation of three directions: 1, -1, or 0 if rounding could change it.
-int filtered_orientation(const Lifted& b, const Lifted& c, const Lifted& d) {
-  double det = 0.0, scale = 0.0;
-  for (int k = 0; k < 3; ++k) {
-    const int p = (k + 1) % 3, q = (k + 2) % 3;
-    det += b.d[k] * (c.d[p] * d.d[q] - c.d[q] * d.d[p]);
-    scale += std::abs(b.d[k]) * (std::abs(c.d[p] * d.d[q]) + std::abs(c.d[q] * d.d[p]));
-  }
-  if (std::abs(det) <= relative_error * scale) return 0;
-  return det > 0.0 ? 1 : -1;
-}
-
-// Sign of the lifted determinant of a facet (a, b, c), the left apex d and the right apex e: > 0 violated, < 0 regular,
-// 0 undecided.
-int filtered_power(const Lifted (&row)[4]) {
-  double det = 0.0, error = 0.0;
-  for (int i = 0; i < 4; ++i) {
-    const Lifted& p = row[i == 0 ? 1 : 0];
-    const Lifted& q = row[i <= 1 ? 2 : 1];
-    const Lifted& s = row[i <= 2 ? 3 : 2];
-    double minor = 0.0, scale = 0.0;
-    for (int k = 0; k < 3; ++k) {
-      const int u = (k + 1) % 3, v = (k + 2) % 3;
-      minor += p.d[k] * (q.d[u] * s.d[v] - q.d[v] * s.d[u]);
-      scale += std::abs(p.d[k]) * (std::abs(q.d[u] * s.d[v]) + std::abs(q.d[v] * s.d[u]));
-    }
-    det += (i % 2 == 0 ? -1.0 : 1.0) * row[i].lift * minor;
-    error += (relative_error * row[i].lift_scale + row[i].lift_error) * scale;
-  }
-  if (std::abs(det) <= error) return 0;
-  return det > 0.0 ? 1 : -1;
-}
-
-// Facets whose five vertices are grains, four or eight at a time. Undecided ones are listed; violated ones are counted.
-std::int64_t filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, std::vector<std::size_t>& undecided) {
+// Facets whose five vertices are grains, four or eight at a time. Undecided and violated ones are listed.
+void filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, std::vector<std::size_t>& undecided,
+                         std::vector<std::size_t>& violated) {
   const double *x = grains.x.data(), *y = grains.y.data(), *z = grains.z.data(), *r = grains.radius.data();
   constexpr std::size_t block = 256;
   signed char verdict[block];
-  std::int64_t violated = 0;
   for (std::size_t first = 0; first < mesh.facet.end[0]; first += block) {
     const std::size_t count = std::min(block, mesh.facet.end[0] - first);
     const Vertex *va = mesh.facet.vertex[0].data() + first, *vb = mesh.facet.vertex[1].data() + first,
@@ -124,11 +50,10 @@ std::int64_t filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, st
       verdict[f] = walls | (std::abs(det) <= error) ? 0 : (det > 0.0 ? 1 : -1);
     }
     for (std::size_t f = 0; f < count; ++f) {
-      violated += verdict[f] > 0;
+      if (verdict[f] > 0) violated.push_back(first + f);
       if (verdict[f] == 0) undecided.push_back(first + f);
     }
   }
-  return violated;
 }
 
 // Tetrahedra of grains; undecided ones are listed, inverted ones counted.
@@ -171,26 +96,14 @@ Certificate certify(const Mesh& mesh, const LocalGrains& grains, const WallSpher
   for (const std::size_t c : cells) {
     const std::array<Vertex, 4> v{mesh.cell_vertex[0][c], mesh.cell_vertex[1][c], mesh.cell_vertex[2][c],
                                   mesh.cell_vertex[3][c]};
-    int sign = filtered_orientation(lifted(grains, walls, v[0], v[1]), lifted(grains, walls, v[0], v[2]),
-                                    lifted(grains, walls, v[0], v[3]));
-    if (sign == 0) {
-      ++certificate.exact_tests;
-      sign = exact_orientation(grains, walls, v);
-    }
-    certificate.inverted_cells += sign <= 0;
+    certificate.inverted_cells += orientation_sign(grains, walls, v, certificate.exact_tests) <= 0;
   }
-  certificate.violated_facets = filter_grain_facets(mesh, grains, facets);
+  filter_grain_facets(mesh, grains, facets, certificate.violated_facets);
   for (std::size_t f = mesh.facet.end[0]; f < mesh.facets(); ++f) facets.push_back(f);
   for (const std::size_t f : facets) {
-    const Vertex a = mesh.facet.vertex[0][f], b = mesh.facet.vertex[1][f], c = mesh.facet.vertex[2][f];
-    const Vertex d = mesh.facet.left_apex[f], e = mesh.facet.right_apex[f];
-    int sign = filtered_power({lifted(grains, walls, a, b), lifted(grains, walls, a, c), lifted(grains, walls, a, d),
-                               lifted(grains, walls, a, e)});
-    if (sign == 0) {
-      ++certificate.exact_tests;
-      sign = exact_power_side(grains, walls, {a, c, b, d}, e);
-    }
-    certificate.violated_facets += sign > 0;
+    const std::array<Vertex, 3> facet{mesh.facet.vertex[0][f], mesh.facet.vertex[1][f], mesh.facet.vertex[2][f]};
+    if (violation_sign(grains, walls, facet, mesh.facet.left_apex[f], mesh.facet.right_apex[f], certificate.exact_tests) > 0)
+      certificate.violated_facets.push_back(f);
   }
   return certificate;
 }

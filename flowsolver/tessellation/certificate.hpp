@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "tessellation/domain.hpp"
 #include "tessellation/mesh.hpp"
@@ -9,10 +10,10 @@
 namespace poreslip {
 
 struct Certificate {
-  std::int64_t violated_facets = 0;    // facets that fail the power test
-  std::int64_t inverted_cells = 0;     // cells turned inside out
-  std::int64_t exact_tests = 0;        // tests that double precision could not decide
-  bool valid() const { return violated_facets == 0 && inverted_cells == 0; }
+  std::vector<std::size_t> violated_facets;  // facets that fail the power test
+  std::int64_t inverted_cells = 0;           // cells turned inside out
+  std::int64_t exact_tests = 0;              // tests that double precision could not decide
+  bool valid() const { return violated_facets.empty() && inverted_cells == 0; }
 };
 
 // Every cell positively oriented and every facet locally regular: then, by Delaunay's lemma, the mesh is the triangulation.
