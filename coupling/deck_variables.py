@@ -7,11 +7,12 @@ from pathlib import Path
 
 from coupling.case_schema import RunCase
 from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
+from coupling.pack import exchange_step
 
 #: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
 SKIN_DIAMETERS = 0.1
 #: In the packing the drag stops a free grain in this many steps: in the closed box, and while its walls let go.
-DRAG_STEPS, RELEASE_DRAG_STEPS = 30, 300
+DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 300
 #: Time step of the packing over the limit of a dense pack, whatever the loading takes.
 PACK_TIME_STEP_FRACTION = 0.6
 #: Overlapping grains move at most this part of a diameter in a step while they are pushed apart.
@@ -50,19 +51,20 @@ def _stretch_limit(case: RunCase) -> float:
 
 
 def pack_variables(case: RunCase, grains: Path) -> dict[str, object]:
-    """For in.pack: no friction between grains, whose packing is therefore as dense as it gets."""
+    """For in.pack."""
     mean_mass = case.pack.density_kg_m3 * math.pi / 6.0 * (2.0 * case.mean_radius_m) ** 3
     length, depth, height = case.pack.box_m
     time_step = PACK_TIME_STEP_FRACTION * case.critical_time_step_s
     values = common_variables(case) | {
         "time_step": time_step,
-        "friction": case.pack.friction,
+        "friction": 0.0,
         "grains": grains,
         "length": length,
         "depth": depth,
         "height": height,
-        "periodic_z": int(case.scene == "supplement"),
+        "periodic_z": int(case.periodic_z),
         "confining_stress": case.pack.confining_stress_Pa,
+        "exchange_first": exchange_step(case.pack, case.periodic_z),
         "largest_move": LARGEST_MOVE_DIAMETERS * 2.0 * case.mean_radius_m,
         "drag": mean_mass / (DRAG_STEPS * time_step),
         "release_drag": mean_mass / (RELEASE_DRAG_STEPS * time_step),

@@ -1,7 +1,8 @@
-"""The grains that a pack starts from: random positions and sizes, as a LIGGGHTS data file."""
+"""The grains that a pack starts from: random positions and sizes, as a LIGGGHTS data file; and what porosities can be had of them."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,21 +11,79 @@ from coupling.case_schema import Pack
 
 #: Room around the box for the walls to move in, as a fraction of its longest side.
 MARGIN = 0.1
-#: Solid fraction that in.pack reaches in an endless pack, and the part of a diameter by which a smooth wall's face is moved
-#: inwards by the looser grains at it: fitted to boxes of 5 and of 10 diameters' depth. They set the number of grains, so that the settled
-#: box has the size asked for.
-DENSEST_SOLID, WALL_GAP_DIAMETERS = 0.652, 0.063
+#: Solid fraction of an endless pack: random without friction, and as dense as exchanges of sizes make it in the rounds that in.pack gives
+#: them. The latter grows with the spread of the sizes (standard deviation over mean) up to that of Table I. Fitted to this protocol.
+RANDOM_SOLID, DENSEST_SOLID, FULL_SPREAD = 0.64, 0.672, 0.0577
+#: Part of a diameter by which a smooth wall seems to stand further in, for the looser grains at it.
+WALL_GAP_DIAMETERS = 0.1
+#: Largest and smallest first step of the exchange of sizes, in standard deviations of the radius: for the densest pack and for a
+#: random one.
+LARGEST_STEP, SMALLEST_STEP = 1.5, 0.05
+#: Part of the grains that end without contacts in packs without friction: the densest, and those whose porosity is larger by
+#: FLOATER_RANGE or more.
+FEWEST_FLOATERS, FLOATERS, FLOATER_RANGE = 0.003, 0.012, 0.007
+#: With friction the forces rest on fewer grains: floaters = LOOSE_FLOATERS + FLOATERS_PER_FRICTION * coefficient, for a pack that
+#: came to rest at LOOSE_START of the random solid fraction. Measured for coefficients up to 0.2.
+LOOSE_FLOATERS, FLOATERS_PER_FRICTION, LOOSE_START = 0.026, 0.8, 0.985
 
 
-def starting_porosity(pack: Pack, periodic_z: bool) -> float:
-    """Porosity of the closed box: the one aimed at, or what the protocol can reach between these walls."""
+def random_porosity(pack: Pack, periodic_z: bool) -> float:
+    """Porosity of a random pack without friction between the box's walls."""
+    return 1.0 - RANDOM_SOLID * _wall_factor(pack, periodic_z)
+
+
+def densest_porosity(pack: Pack, periodic_z: bool) -> float:
+    """Porosity of the densest pack that the exchange of sizes makes between the box's walls."""
+    smallest, largest = pack.diameter_m
+    spread = (largest - smallest) / (largest + smallest) / math.sqrt(3.0)
+    gained = (DENSEST_SOLID - RANDOM_SOLID) * min(1.0, spread / FULL_SPREAD)
+    return 1.0 - (RANDOM_SOLID + gained) * _wall_factor(pack, periodic_z)
+
+
+def aimed_porosity(pack: Pack, periodic_z: bool) -> float:
+    """The porosity asked for, or the densest."""
+    return max(pack.porosity, densest_porosity(pack, periodic_z))
+
+
+def is_loose(pack: Pack, periodic_z: bool) -> bool:
+    """Whether the pack is made with friction: the case asks for it, or for a porosity that no pack without friction has."""
+    return pack.friction > 0.0 or _loose_floaters(pack, periodic_z) > LOOSE_FLOATERS
+
+
+def packing_friction(pack: Pack, periodic_z: bool) -> float:
+    """Coefficient of friction while the pack is made: given, or what leaves as many floaters as the porosity asked for needs."""
+    if pack.friction > 0.0 or not is_loose(pack, periodic_z):
+        return pack.friction
+    return (_loose_floaters(pack, periodic_z) - LOOSE_FLOATERS) / FLOATERS_PER_FRICTION
+
+
+def _loose_floaters(pack: Pack, periodic_z: bool) -> float:
+    """Part of the grains of a loose random pack that has to go for the porosity asked for."""
+    return 1.0 - (1.0 - pack.porosity) / (LOOSE_START * (1.0 - random_porosity(pack, periodic_z)))
+
+
+def exchange_step(pack: Pack, periodic_z: bool) -> float:
+    """First step of the exchange of sizes: the longer the denser the pack is to become."""
+    random, densest = random_porosity(pack, periodic_z), densest_porosity(pack, periodic_z)
+    effort = (random - pack.porosity) / (random - densest) if random > densest else 0.0
+    return min(max(LARGEST_STEP * effort, SMALLEST_STEP), LARGEST_STEP)
+
+
+def _floaters(pack: Pack, periodic_z: bool) -> float:
+    if is_loose(pack, periodic_z):
+        return LOOSE_FLOATERS + FLOATERS_PER_FRICTION * packing_friction(pack, periodic_z)
+    looser = (aimed_porosity(pack, periodic_z) - densest_porosity(pack, periodic_z)) / FLOATER_RANGE
+    return FEWEST_FLOATERS + (FLOATERS - FEWEST_FLOATERS) * min(1.0, looser)
+
+
+def _wall_factor(pack: Pack, periodic_z: bool) -> float:
     sides = pack.box_m[:2] if periodic_z else pack.box_m
-    walls = sum(2.0 / side for side in sides) * sum(pack.diameter_m) / 2.0
-    return max(pack.porosity, 1.0 - DENSEST_SOLID * (1.0 - WALL_GAP_DIAMETERS * walls))
+    mean_diameter = sum(pack.diameter_m) / 2.0
+    return 1.0 - WALL_GAP_DIAMETERS * mean_diameter * sum(2.0 / side for side in sides)
 
 
 def write_grains(pack: Pack, path: Path, periodic_z: bool) -> int:
-    """Write as many grains as fill the box at `starting_porosity`, at random places in it, overlapping; return their number.
+    """Write as many grains as fill the box at the porosity aimed at, or at the densest, at random places; return their number.
 
     The same for any number of ranks: made from the seed alone. Ids are 1 to the number of grains, the type is 1.
     """
@@ -32,7 +91,8 @@ def write_grains(pack: Pack, path: Path, periodic_z: bool) -> int:
     box = np.array(pack.box_m)
     smallest, largest = pack.diameter_m
     mean_volume = np.pi / 6.0 * (smallest**2 + largest**2) * (smallest + largest) / 4.0
-    count = max(1, int(box.prod() * (1.0 - starting_porosity(pack, periodic_z)) / mean_volume))
+    solid = (1.0 - aimed_porosity(pack, periodic_z)) / (1.0 - _floaters(pack, periodic_z))
+    count = max(1, int(box.prod() * solid / mean_volume))
     diameter = random.uniform(smallest, largest, count)
     inset = np.array([smallest / 2.0] * 3)
     if periodic_z:

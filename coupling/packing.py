@@ -1,50 +1,157 @@
-"""Exchange of sizes between grains: the step of the pack stage that makes a pack of given grains dense.
+"""The pack stage: in.pack pushes the grains apart, and what the decks cannot express is done here between short runs.
 
-Where grains lie, and which size lies where, are both free in a pack; moving grains alone gets stuck at the porosity of a random close
-packing, with 2 to 3 % of the grains loose in their cages. The elastic energy E of overlapping spheres falls along
-dE/dR_i = sum of the normal forces on grain i, so every radius takes a step down that gradient, and the step is then
-carried back to the sizes that there are: the smallest size goes to the smallest wanted radius, and so on, which is the
-permutation nearest to the wanted radii. Squeezed grains become smaller and loose ones larger; the size distribution stays as it was.
+A dense pack is made without friction, and its grains exchange sizes (coupling/size_exchange.py) until the box of the wanted size
+bears no more than the confining stress. In a pack looser than a random frictionless one, friction lets the forces rest on fewer
+grains: the more of it, the more grains are left without contacts, and those are taken out. Either way the walls bear the confining
+stress at the end, and grains without contacts are gone.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from coupling.balance import ids_in_contact, settle
+from coupling.case_schema import RunCase
+from coupling.deck_variables import pack_variables
 from coupling.engine.interface import Engine
-from coupling.walls import wall_positions
+from coupling.pack import aimed_porosity, is_loose, packing_friction
+from coupling.size_exchange import exchange_sizes
+from coupling.walls import PACK, wall_positions
+
+#: Carried out after `in.pack`, from the same directory.
+RELEASE_DECK = "in.pack_release"
+#: Balance that the stage ends with, mean unbalanced force over mean contact force, and how far the walls' forces may be from their
+#: targets. A pack without friction creeps on under the least difference of its stresses; the next stage, with friction, settles it.
+BALANCED, WALL_TOLERANCE, LOOK_STEPS = 1e-2, 3e-2, 250
+#: Floaters are deleted, and the box closes in after them, at most so often.
+PASSES = 3
+#: The box has the wanted volume when it is this near.
+VOLUME_TOLERANCE = 5e-4
 
 
-def exchange_sizes(engine: Engine, comm, walls, step: float) -> None:
-    """Give every grain another of the grains' sizes; collective.
+class Packing:
+    """One pack on one engine; all methods are collective."""
 
-    walls: fix ids of the pack's walls. step: root mean square of the wanted change of radius, in standard deviations of the radius.
+    def __init__(self, case: RunCase, engine: Engine, comm, deck: Path):
+        self.case, self.engine, self.comm, self.deck = case, engine, comm, deck
+        self.aim = aimed_porosity(case.pack, case.periodic_z)
+        self.loose = is_loose(case.pack, case.periodic_z)
+        self.walls = [name for name in PACK if not (case.periodic_z and name.startswith("z_"))]
+        self.friction = packing_friction(case.pack, case.periodic_z)
+
+    def make(self, grains: Path, count: int) -> dict:
+        """Pack the grains of a data file, `count` of them; return what was reached."""
+        engine = self.engine
+        engine.deck(self.deck, pack_variables(self.case, grains), grains=count)
+        if not self.loose:
+            self._exchange_in_closed_box()
+        if self.loose:
+            engine.command("fix mu all property/global coefficientFriction peratomtypepair 3" + f" {self.friction:.17g}" * 9)
+        engine.deck(self.deck.with_name(RELEASE_DECK), {}, grains=engine.total_grains)
+        floaters = 0
+        for _ in range(PASSES):
+            self._close_in()
+            self._settle()
+            found = self._delete_floaters()
+            floaters += found
+            if found:
+                self._settle()
+            if self.loose or self._too_large() <= VOLUME_TOLERANCE:
+                break
+        targets = self.target_forces()
+        return {
+            "grains": engine.total_grains,
+            "floaters": floaters,
+            "walls": wall_positions(engine, self.walls),
+            "size_m": self.size().tolist(),
+            "porosity_aim": self.case.pack.porosity,
+            "porosity": 1.0 - self._solid_volume() / float(self.size().prod()),
+            "porosity_bulk": self._bulk_porosity(),
+            "friction": self.friction,
+            "stress_Pa": {name: self.case.pack.confining_stress_Pa * self.engine.wall(name).contact_force / target for name, target in targets.items()},
+        }
+
+    def size(self) -> np.ndarray:
+        """Sides of the box, (3,) m."""
+        lower, upper = self._corners()
+        return upper - lower
+
+    def _corners(self) -> tuple[np.ndarray, np.ndarray]:
+        at = {"z_bottom": 0.0, "z_top": self.case.pack.box_m[2]} | wall_positions(self.engine, self.walls)
+        return np.array([at[name] for name in PACK[::2]]), np.array([at[name] for name in PACK[1::2]])
+
+    def target_forces(self) -> dict[str, float]:
+        """Force that each wall is to bear, N by fix id."""
+        size = self.size()
+        area = dict(zip("xyz", size.prod() / size))
+        return {name: self.case.pack.confining_stress_Pa * area[name[0]] for name in self.walls}
+
+    def _exchange_in_closed_box(self) -> None:
+        """Exchange sizes, by shorter and shorter steps, until the box of the wanted size bears the confining stress."""
+        first, last = self._deck_number("exchange_first"), self._deck_number("exchange_last")
+        for step in np.geomspace(first, last, int(self._deck_number("closed_rounds"))):
+            exchange_sizes(self.engine, self.comm, self.walls, step)
+            self.engine.run(int(self._deck_number("exchange_steps")), setup=True)
+            targets = self.target_forces()
+            if np.mean([self.engine.wall(name).contact_force / target for name, target in targets.items()]) < 1.0:
+                return
+
+    def _close_in(self) -> None:
+        """Let the walls bear the confining stress, and make the pack denser while the box is larger than wanted."""
+        rounds = int(self._deck_number("release_rounds"))
+        for step in np.geomspace(self._deck_number("exchange_last"), self._deck_number("release_last"), rounds):
+            if not self.loose and self._too_large() > VOLUME_TOLERANCE:
+                exchange_sizes(self.engine, self.comm, self.walls, step)
+            self.engine.run(int(self._deck_number("release_steps")), setup=True)
+
+    def _settle(self) -> None:
+        settle(self.engine, self.comm, "pack", self.target_forces, balanced=BALANCED, tolerance=WALL_TOLERANCE, steps=LOOK_STEPS)
+
+    def _too_large(self) -> float:
+        """By what part the box is larger than its grains fill at the porosity aimed at."""
+        return float(self.size().prod()) * (1.0 - self.aim) / self._solid_volume() - 1.0
+
+    def _solid_volume(self) -> float:
+        return self.comm.allreduce(float((4.0 / 3.0 * np.pi * self.engine.atom("radius") ** 3).sum()))
+
+    def _bulk_porosity(self) -> float:
+        """Porosity a mean diameter away from the walls."""
+        inset = 2.0 * self.case.mean_radius_m * np.array([1.0, 1.0, 0.0 if self.case.periodic_z else 1.0])
+        lower, upper = self._corners()
+        solid = solid_volume_within(self.engine.atom("x"), self.engine.atom("radius"), lower + inset, upper - inset, self.case.periodic_z)
+        return 1.0 - self.comm.allreduce(solid) / float((upper - lower - 2.0 * inset).prod())
+
+    def _delete_floaters(self) -> int:
+        """Delete the grains without a contact; return their number."""
+        engine = self.engine
+        floating = ~np.isin(engine.atom("id"), ids_in_contact(engine.contacts().id, self.comm))
+        count = self.comm.allreduce(int(floating.sum()))
+        if count:
+            engine.atom("type")[floating] = 3
+            engine.command("group floaters type 3")
+            engine.delete_group("floaters")
+            engine.command("group floaters delete")
+            engine.run(0, setup=True)
+        return count
+
+    def _deck_number(self, name: str) -> float:
+        """Value of a `variable ... index` line of the deck."""
+        self.engine.command(f"variable driver_reads equal ${{{name}}}")
+        return self.engine.variable("driver_reads")
+
+
+def solid_volume_within(position: np.ndarray, radius: np.ndarray, lower, upper, periodic_z: bool) -> float:
+    """Volume of spheres inside a box, m^3; overlaps count twice.
+
+    position: (n, 3) m. radius: (n,) m. lower, upper: (3,) m. Exact for spheres that one face cuts; at edges and corners the parts
+    that the faces leave are multiplied, which errs by a few per mille of those spheres.
     """
-    ids, radius = engine.atom("id"), engine.atom("radius")
-    length = max(comm.allgather(int(ids.max(initial=0)))) + 1
-    own = np.zeros((3, length))  # of the grains by id: is there, radius, sum of its overlaps
-    own[0, ids], own[1, ids] = 1.0, radius
-    own[2, ids] = _wall_overlaps(engine, walls)
-    contacts = engine.contacts()
-    for end in (0, 1):
-        own[2] += np.bincount(contacts.id[:, end], weights=contacts.overlap, minlength=length)
-    everywhere = comm.allreduce(own)
-    there = np.flatnonzero(everywhere[0])
-    sizes, squeeze = everywhere[1:, there]
-    if squeeze.std() == 0.0 or sizes.std() == 0.0:
-        return
-    wanted = sizes - step * sizes.std() * (squeeze - squeeze.mean()) / squeeze.std()
-    new = np.zeros(length)
-    new[there[np.argsort(wanted, kind="stable")]] = np.sort(sizes)
-    engine.atom("rmass")[:] *= (new[ids] / radius) ** 3
-    radius[:] = new[ids]
-
-
-def _wall_overlaps(engine: Engine, walls) -> np.ndarray:
-    """Sum of the overlaps of this rank's grains with the walls, (n,) m."""
-    position, radius = engine.atom("x"), engine.atom("radius")
-    total = np.zeros(len(radius))
-    for name, at in wall_positions(engine, walls).items():
-        inwards = 1.0 if name in ("x_left", "y_front", "z_bottom") else -1.0
-        total += np.maximum(radius - inwards * (position[:, "xyz".index(name[0])] - at), 0.0)
-    return total
+    part = np.ones(len(radius))
+    for axis in range(2 if periodic_z else 3):
+        below = np.clip((lower[axis] - position[:, axis]) / radius, -1.0, 1.0)
+        above = np.clip((upper[axis] - position[:, axis]) / radius, -1.0, 1.0)
+        # Part of a unit sphere below the plane at height h: (2 + 3 h - h^3) / 4.
+        part *= (3.0 * (above - below) - (above**3 - below**3)) / 4.0
+    return float((4.0 / 3.0 * np.pi * radius**3 * part).sum())

@@ -12,6 +12,8 @@ from coupling.loading import Ending, Loading
 from coupling.output import RunOutput
 from coupling.phases import Phases
 
+#: What the report says of the pack, from the stage's manifest.
+PACK_FIGURES = ("grains", "floaters", "porosity_aim", "porosity", "porosity_bulk", "size_m", "stress_Pa", "friction")
 #: Figures with the range in which a run counts as quasi-static and its contacts as stiff; outside it the report warns.
 STATED_RANGES = {
     "unbalanced_force_ratio": (5e-2, "the loading is not quasi-static: lower loading.strain_rate_per_s"),
@@ -57,7 +59,7 @@ def write_report(
             "wall_stress": "total: contact force and fluid force over the wall's area",
             "contact_areas": "the pore pressure acts all round a grain, contact areas included",
         },
-        "pack": {name: stage.manifest[name] for name in ("grains", "floaters", "porosity", "size_m") if name in stage.manifest},
+        "pack": {name: stage.manifest[name] for name in PACK_FIGURES if name in stage.manifest},
         "bonds": stage.manifest.get("bonds", 0),
         "reference": state["reference"],
         "quasi_static_checks": loading.worst,

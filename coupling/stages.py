@@ -13,26 +13,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from coupling import __version__
+from coupling.balance import settle
 from coupling.case_schema import RunCase
 from coupling.collective import raised_together
 from coupling.deck_variables import bond_variables, fault_geometry, pack_variables, plate_areas, stress_variables
 from coupling.engine.interface import Engine
-from coupling.errors import ComputationError, InputError
+from coupling.errors import InputError
 from coupling.pack import write_grains
-from coupling.packing import exchange_sizes
-from coupling.walls import PACK, SCENE_WALLS, wall_positions
+from coupling.packing import RELEASE_DECK, Packing
+from coupling.walls import SCENE_WALLS, wall_positions
 
 RESTART, MANIFEST = "engine.restart", "manifest.json"
-#: Balance that a stage ends with, mean unbalanced force over mean contact force, and how far the walls' forces may be from their
-#: targets then. A pack without friction creeps on under the least difference of its stresses, so it is left to the next stage,
-#: which has friction, to settle it strictly.
-PACK_BALANCED, PACK_WALL_TOLERANCE = 2e-2, 5e-2
-STRESS_BALANCED, STRESS_WALL_TOLERANCE = 1e-3, 2e-3
-#: Steps between two looks at it, and how many looks before the stage is given up.
-SETTLE_STEPS, SETTLE_LOOKS = 1000, 60
+#: Balance that the initial stress ends with: mean unbalanced force over mean contact force, and how far the walls' forces may be
+#: from their targets.
+BALANCED, WALL_TOLERANCE = 1e-3, 2e-3
+#: What makes a pack beside its decks and inputs.
+PACK_SOURCES = ("pack.py", "packing.py", "size_exchange.py", "balance.py")
 PARTIAL_SUFFIX = ".partial"
 #: An unfinished stage this old was left by a kill, s.
 ABANDONED_AFTER_S = 86400.0
@@ -143,12 +140,15 @@ def _key(name: str, deck: Path, case: RunCase, before: Stage | None) -> str:
         "version": __version__,
         "stage": name,
         "before": before.manifest["key"] if before else None,
-        "decks": _texts([deck, deck.with_name("in.pack_release")] if name == "pack" else [deck]),
+        "decks": _texts([deck, deck.with_name(RELEASE_DECK)] if name == "pack" else [deck]),
         "scene": case.scene,
         "pack": case.to_dict()["pack"],
         "material": {k: v for k, v in case.to_dict()["material"].items() if k != "local_damping"},
     }
-    if name != "pack":
+    if name == "pack":
+        content |= {"sources": {source: (Path(__file__).parent / source).read_text() for source in PACK_SOURCES}}
+        content |= {"variables": {k: v for k, v in pack_variables(case, Path()).items() if k not in ("inputs", "grains", "tangential")}}
+    else:
         content |= {"fault": case.to_dict()["fault"], "initial_stress": case.initial_stress_Pa}
     if name == "bond" or case.bonds.enabled:
         content |= {"bonds": case.to_dict()["bonds"] if name == "bond" else True}
@@ -175,43 +175,16 @@ def _digest(path: Path) -> str:
 
 
 def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before, tell) -> dict:
-    periodic_z = case.scene == "supplement"
     count = 0
     with raised_together(comm):
         if comm.rank == 0:
-            count = write_grains(case.pack, work / "grains.data", periodic_z)
+            count = write_grains(case.pack, work / "grains.data", case.periodic_z)
     count = comm.bcast(count)
-    tell(f"packing about {case.estimated_grains} grains (once for all runs with this pack)")
-    engine.deck(deck, pack_variables(case, work / "grains.data"), grains=count)
-    first, last, closed, release, steps = (_deck_number(engine, name) for name in (
-        "exchange_first", "exchange_last", "closed_rounds", "release_rounds", "exchange_steps"))  # fmt: skip
-    names = [n for n in PACK if not (periodic_z and n.startswith("z_"))]
-
-    def size() -> list[float]:
-        at = wall_positions(engine, names)
-        height = case.pack.box_m[2] if periodic_z else at["z_top"] - at["z_bottom"]
-        return [at["x_right"] - at["x_left"], at["y_back"] - at["y_front"], height]
-
-    def target_forces() -> dict[str, float]:
-        length, depth, height = size()
-        area = {"x": depth * height, "y": length * height, "z": length * depth}
-        return {name: case.pack.confining_stress_Pa * area[name[0]] for name in names}
-
-    for step in np.geomspace(first, last, int(closed)):
-        exchange_sizes(engine, comm, names, step)
-        engine.run(int(steps), setup=True)
-    engine.deck(deck.with_name("in.pack_release"), {}, grains=count)
-    for _ in range(int(release)):
-        exchange_sizes(engine, comm, names, last)
-        engine.run(int(steps), setup=True)
-    _settle(engine, comm, "pack", target_forces, PACK_BALANCED, PACK_WALL_TOLERANCE)
-    floaters = _delete_floaters(engine, comm)
-    _settle(engine, comm, "pack", target_forces, PACK_BALANCED, PACK_WALL_TOLERANCE)
-    volume = comm.allreduce(float((4.0 / 3.0 * np.pi * engine.atom("radius") ** 3).sum()))
-    measured = {"grains": engine.total_grains, "floaters": floaters, "walls": wall_positions(engine, names), "size_m": size(),
-                "porosity": 1.0 - volume / float(np.prod(size()))}
-    tell(f"packed {measured['grains']} grains ({floaters} floaters removed) to porosity {measured['porosity']:.4f}")
-    return measured
+    tell(f"packing {count} grains (once for all runs with this pack)")
+    made = Packing(case, engine, comm, deck).make(work / "grains.data", count)
+    tell(f"packed {made['grains']} grains ({made['floaters']} floaters removed) to porosity {made['porosity']:.4f}, "
+         f"{made['porosity_bulk']:.4f} away from the walls; aim {case.pack.porosity:g}")
+    return made
 
 
 def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before: Stage, tell) -> dict:
@@ -219,8 +192,8 @@ def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, be
     packed = before.manifest["walls"]
     fault = fault_geometry(case, packed, case.pack.box_m[2])
     areas = plate_areas(case, fault) | {"x_left": fault.x_wall_area, "x_right": fault.x_wall_area}
-    _settle(engine, comm, "initial stress", lambda: {name: case.initial_stress_Pa * area for name, area in areas.items()}, STRESS_BALANCED,
-            STRESS_WALL_TOLERANCE)
+    targets = {name: case.initial_stress_Pa * area for name, area in areas.items()}
+    settle(engine, comm, "initial stress", lambda: targets, balanced=BALANCED, tolerance=WALL_TOLERANCE)
     return before.manifest | {"walls": wall_positions(engine, SCENE_WALLS[case.scene]), "geometry": packed}
 
 
@@ -229,53 +202,3 @@ def _make_bonds(case: RunCase, engine: Engine, comm, deck: Path, work: Path, bef
     bonds = comm.allreduce(engine.intact_bonds())
     tell(f"bonded {bonds} contacts in the blocks")
     return before.manifest | {"bonds": bonds}
-
-
-def _settle(engine: Engine, comm, what: str, target_forces: Callable[[], dict[str, float]], balanced: float, tolerance: float) -> None:
-    """Make steps until the forces balance and the walls bear their target forces, N by fix id."""
-    ratio = worst = float("inf")
-    for _ in range(SETTLE_LOOKS):
-        ratio = unbalanced_force_ratio(engine, comm)
-        worst = max(abs(engine.wall(name).contact_force / target - 1.0) for name, target in target_forces().items())
-        if ratio < balanced and worst < tolerance:
-            return
-        engine.run(SETTLE_STEPS, setup=True)
-    raise ComputationError(
-        f"the {what} does not come to rest in {SETTLE_LOOKS * SETTLE_STEPS} more steps: unbalanced-force ratio {ratio:.2e}, wanted {balanced:g}, and "
-        f"wall forces off by {worst:.2e}, wanted {tolerance:g}. More drag or more steps in its deck (pack.deck_variables) or a shorter "
-        "loading.time_step_fraction help")
-
-
-def unbalanced_force_ratio(engine: Engine, comm) -> float:
-    """Mean resultant force on a grain that is in contact, over the mean normal force of the contacts."""
-    contacts = engine.contacts()
-    touching = np.isin(engine.atom("id"), _ids_in_contact(contacts.id, comm))
-    sums = np.array([
-        np.linalg.norm(engine.atom("f")[touching], axis=1).sum(), touching.sum(), contacts.normal_force.sum(), len(contacts),
-    ], dtype=float)  # fmt: skip
-    force, grains, normal, count = comm.allreduce(sums)
-    return float(force / max(grains, 1) / (normal / max(count, 1))) if normal > 0 else float("inf")
-
-
-def _ids_in_contact(pairs: np.ndarray, comm) -> np.ndarray:
-    """Ids of the grains of all ranks that touch another grain."""
-    return np.unique(np.concatenate(comm.allgather(np.unique(pairs))))
-
-
-def _deck_number(engine: Engine, name: str) -> float:
-    """Value of a `variable ... index` line of the deck."""
-    engine.command(f"variable driver_reads equal ${{{name}}}")
-    return engine.variable("driver_reads")
-
-
-def _delete_floaters(engine: Engine, comm) -> int:
-    """Delete the grains without a contact; return their number."""
-    floating = ~np.isin(engine.atom("id"), _ids_in_contact(engine.contacts().id, comm))
-    count = comm.allreduce(int(floating.sum()))
-    if count:
-        engine.atom("type")[floating] = 3
-        engine.command("group floaters type 3")
-        engine.delete_group("floaters")
-        engine.command("group floaters delete")
-        engine.run(0, setup=True)
-    return count
