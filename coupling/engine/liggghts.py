@@ -9,7 +9,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -76,8 +76,7 @@ class LiggghtsEngine:
         arguments = ["liggghts", "-nocite", "-log", str(log), "-screen", os.devnull]
         argv = (ctypes.c_char_p * len(arguments))(*(a.encode() for a in arguments))
         handle = ctypes.c_void_p.from_address(MPI._addressof(comm))
-        with _silent():
-            self._guarded(self._library.poreslip_engine_open, len(arguments), argv, handle, ctypes.byref(self._lmp))
+        self._guarded(self._library.poreslip_engine_open, len(arguments), argv, handle, ctypes.byref(self._lmp), silent=True)
         self._styles.poreslip_register_styles(self._lmp)
 
     # -- commands ---------------------------------------------------------------------------------------------------
@@ -91,8 +90,7 @@ class LiggghtsEngine:
         for name, value in variables.items():
             self.command(f"variable {name} index {_deck_value(name, value)}")
         self._deck, self._deck_has_run = path, False
-        with _silent():
-            self._guarded(self._library.poreslip_engine_file, self._lmp, str(path).encode())
+        self._guarded(self._library.poreslip_engine_file, self._lmp, str(path).encode(), silent=True)
         self._expected_grains = grains
         self._count_grains()
 
@@ -113,8 +111,9 @@ class LiggghtsEngine:
         self._guarded(self._library.poreslip_engine_variable, self._lmp, name.encode(), ctypes.byref(value))
         return value.value
 
-    def _guarded(self, function, *arguments) -> None:
-        status = function(*arguments, self._message, MESSAGE_BYTES)
+    def _guarded(self, function, *arguments, silent: bool = False) -> None:
+        with _silent() if silent else nullcontext():
+            status = function(*arguments, self._message, MESSAGE_BYTES)
         if status == 0:
             return
         self._lmp = ctypes.c_void_p()
