@@ -1,0 +1,92 @@
+"""What a case does not need is not imported, loaded, computed or written."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+from processes import environment, run_process
+from tiny_fault import settings
+
+PROBE = """
+import json, re, sys
+from coupling.command_line import main
+status = main(sys.argv[2:])
+mapped = sorted({line.split()[-1] for line in open("/proc/self/maps") if line.split()[-1].startswith("/")})
+with open(sys.argv[1], "w") as file:
+    json.dump({"status": status, "modules": sorted(sys.modules), "mapped": mapped}, file)
+"""
+
+
+@pytest.fixture
+def probe(run_fault, tiny_case, tmp_path, stage_cache):
+    """`probe(*overrides, run="dry")`: run the tiny fault; the modules imported, the files mapped, and the directory of results."""
+
+    def run(*overrides: str, run: str = "dry"):
+        found, out = tmp_path / "found.json", tmp_path / "probed"
+        arguments = ["run", tiny_case, "--only", run, "--out", out, *settings(*overrides)]
+        done = run_process([sys.executable, "-c", PROBE, found, *arguments], 120.0, tmp_path, environment(PORESLIP_CACHE=str(stage_cache)))
+        assert done.returncode == 0, done.stderr
+        result = json.loads(found.read_text())
+        assert result["status"] == 0
+        return {name.split(".")[0] for name in result["modules"]}, " ".join(result["mapped"]).lower(), out / "tiny" / run
+
+    return run
+
+
+def test_a_dry_run_loads_no_flow(probe):
+    modules, mapped, directory = probe()
+    assert not modules & {"flowsolver", "poreslip_network", "poreslip_flow", "numexpr", "meshio", "matplotlib", "pandas", "postproc"}
+    for library in ("poreslip_network", "poreslip_flow", "petsc", "cgal", "mpfr", "numexpr"):
+        assert library not in mapped, library
+    assert "libporeslip_liggghts.so" in mapped
+    assert sorted(path.name for path in directory.iterdir()) == [
+        "bonds.csv", "case.json", "history.csv", "log.liggghts", "report.json", "report.md"]  # fmt: skip
+
+
+def test_no_flow_is_dry_too(probe):
+    modules, mapped, directory = probe("flow.kind=none", "pressure.mode=none")
+    assert "flowsolver" not in modules and "poreslip_network" not in mapped
+    log = (directory / "log.liggghts").read_text()
+    assert "pore_force all" not in log
+
+
+def test_a_prescribed_pressure_loads_no_petsc(probe):
+    modules, mapped, directory = probe(run="wet")
+    assert "flowsolver" in modules and "poreslip_network" in mapped
+    assert not modules & {"poreslip_flow", "numexpr", "meshio", "matplotlib", "pandas", "petsc4py"}
+    assert "petsc" not in mapped and "poreslip_flow" not in mapped
+    assert not (directory / "snapshots").exists()
+    assert not list(directory.glob("checkpoint-*"))
+
+
+def test_only_a_formula_loads_numexpr(probe):
+    modules, _, _ = probe("pressure.mode=expression", "pressure.expression=1e6 * (s < 0)", run="wet")
+    assert "numexpr" in modules
+
+
+def test_snapshots_load_meshio(probe):
+    modules, _, directory = probe("output.snapshots=1")
+    assert "meshio" in modules
+    assert len(list((directory / "snapshots").glob("grains_*.vtu"))) >= 1
+
+
+def test_no_bonds_no_bond_style(run_fault, tiny_case, poreslip, tmp_path):
+    cache = tmp_path / "cache"
+    command = ["run", tiny_case, "--only", "dry", "--out", tmp_path / "out", *settings("bonds.enabled=false")]
+    done = poreslip(*command, env={"PORESLIP_CACHE": str(cache)})
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name.split("-")[0] for path in cache.iterdir()) == ["pack", "stress"]
+    logs = [path.read_text() for path in cache.glob("*/log.liggghts")] + [(tmp_path / "out" / "tiny" / "dry" / "log.liggghts").read_text()]
+    for log in logs:
+        assert "pair_style     gran model hooke/stiffness tangential history" in log
+        assert "tangential bond" not in log and "\nfix bonds" not in log
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
+def test_a_plan_writes_nothing(tiny_case, poreslip, tmp_path, ranks):
+    done = poreslip("run", tiny_case, "--dry-run", "--out", tmp_path / "out", ranks=ranks, env={"PORESLIP_CACHE": str(tmp_path / "cache")})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("nothing was run") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["tiny.toml"]
