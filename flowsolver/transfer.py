@@ -23,36 +23,38 @@ def _ask(comm: MPI.Comm, known: NDArray, value: NDArray, wanted: NDArray) -> tup
 
     Every key is looked up on the rank that its value names. A key that occurs twice is not matched.
     """
-    def deal(keys: NDArray, *data: NDArray) -> tuple[list[NDArray], list[list[NDArray]]]:
+    def places(keys: NDArray) -> list[NDArray]:
         home = (keys % np.uint64(comm.size)).astype(int)
-        places = [np.flatnonzero(home == rank) for rank in range(comm.size)]
-        return places, comm.alltoall([[d[k] for d in (keys, *data)] for k in places])
+        return [np.flatnonzero(home == rank) for rank in range(comm.size)]
 
-    known_places, known_here = deal(known, value)
-    wanted_places, wanted_here = deal(wanted)
-    keys = np.concatenate([part[0] for part in known_here])
-    values = np.concatenate([part[1] for part in known_here])
-    asked = np.concatenate([part[0] for part in wanted_here])
-    once, first, count = np.unique(keys, return_index=True, return_counts=True)
-    once, first = once[count == 1], first[count == 1]
-    asked_once, asked_count = np.unique(asked, return_counts=True)
-    common = np.intersect1d(once, asked_once[asked_count == 1], assume_unique=True)
+    def deal(parts: list[NDArray]) -> tuple[NDArray, NDArray]:
+        """What all ranks send to this one, and where each rank's part ends."""
+        received = comm.alltoall(parts)
+        return np.concatenate(received), np.cumsum([len(part) for part in received])[:-1]
 
-    def answer(here: list[NDArray], places: list[NDArray], size: int, reply) -> NDArray:
-        out = np.empty(size)
-        for place, part in zip(places, comm.alltoall([reply(part[0]) for part in here])):
+    def answer(replies: NDArray, ends: NDArray, to: list[NDArray], size: int) -> NDArray:
+        out = np.empty(size, replies.dtype)
+        for place, part in zip(to, comm.alltoall(np.split(replies, ends))):
             out[place] = part
         return out
 
-    def value_of(k: NDArray) -> NDArray:
-        matched = np.isin(k, common)
-        found = np.full(len(k), np.nan)
-        found[matched] = values[first[np.searchsorted(once, k[matched])]]
-        return found
-
-    found = answer(wanted_here, wanted_places, len(wanted), value_of)
-    used = answer(known_here, known_places, len(known), lambda k: np.isin(k, common).astype(float))
-    return found, used > 0
+    known_places, wanted_places = places(known), places(wanted)
+    keys, key_ends = deal([known[k] for k in known_places])
+    values, _ = deal([value[k] for k in known_places])
+    asked, asked_ends = deal([wanted[k] for k in wanted_places])
+    found, used = np.full(len(asked), np.nan), np.zeros(len(keys), bool)
+    if len(keys) and len(asked):
+        order = np.argsort(keys)
+        ordered = keys[order]
+        twice = np.zeros(len(keys), bool)
+        twice[1:] = ordered[1:] == ordered[:-1]
+        twice[:-1] |= twice[1:]
+        slot = np.minimum(np.searchsorted(ordered, asked), len(keys) - 1)
+        match = (ordered[slot] == asked) & ~twice[slot]
+        match &= np.bincount(slot[match], minlength=len(keys))[slot] == 1
+        found[match] = values[order[slot[match]]]
+        used[order[slot[match]]] = True
+    return answer(found, asked_ends, wanted_places, len(wanted)), answer(used, key_ends, known_places, len(known))
 
 
 def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int) -> NDArray[np.float64]:

@@ -133,3 +133,19 @@ def test_forces_follow_rigid_motion_and_units(change):
     if change == "axes":
         moved = np.roll(moved, -1, axis=1)
     np.testing.assert_allclose(moved / scale**2, force, atol=1e-12 * np.abs(force).max())
+
+
+def test_a_thousand_new_meshes_take_no_more_memory():
+    from resource import RUSAGE_SELF, getrusage
+
+    x, r = random_pack(60, (0.08, 0.12), seed=1)
+    ids = np.arange(len(r))
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3, [False, False, True])
+    net.remember_previous()
+    rng = np.random.default_rng(0)
+    for count in range(1000):
+        net.update(ids, np.clip(x + rng.normal(scale=1e-3, size=x.shape), 0.02, 0.98), r, rebuild=count % 2 == 0)
+        net.forces(net.pore_centre[:, 0])
+        if count == 200:
+            before = getrusage(RUSAGE_SELF).ru_maxrss
+    assert getrusage(RUSAGE_SELF).ru_maxrss - before < 2048  # kB
