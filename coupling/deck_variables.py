@@ -12,7 +12,7 @@ from coupling.pack import exchange_step
 #: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
 SKIN_DIAMETERS = 0.1
 #: In the packing the drag stops a free grain in this many steps: in the closed box, and while its walls let go.
-DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 300
+DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 1500
 #: Time step of the packing over the limit of a dense pack, whatever the loading takes.
 PACK_TIME_STEP_FRACTION = 0.6
 #: Overlapping grains move at most this part of a diameter in a step while they are pushed apart.
