@@ -19,23 +19,28 @@ struct Shares {
 // S_k of a triangle. The integral of a vertex' barycentric coordinate over a neighbour's circular sector of angle theta is
 // R^3 tan(theta / 2) / (3 l), with l the edge between the two: the sectors' own areas cancel, and no angle is needed.
 // An overlap's frozen lens adds its first moment about the edge times the coordinates' slope away from the edge.
+// Three divisions do for all: reciprocals come by threes from the reciprocal of a product.
 inline Shares triangle_total(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
                              double rc) {
   const double ba_bc = lab * lab - ab_ac, ca_cb = lac * lac - ab_ac;
-  const double qa = cube(ra) * half_tangent(area2, lab * lac, ab_ac);
-  const double qb = cube(rb) * half_tangent(area2, lab * lbc, ba_bc);
-  const double qc = cube(rc) * half_tangent(area2, lac * lbc, ca_cb);
-  const double ab = (qa - qb) / (3.0 * lab), ac = (qa - qc) / (3.0 * lac), bc = (qb - qc) / (3.0 * lbc);
+  const double per_lengths = 1.0 / (lab * lac * lbc);
+  const double iab = lac * lbc * per_lengths, iac = lab * lbc * per_lengths, ibc = lab * lac * per_lengths;
+  const double da = lab * lac + ab_ac, db = lab * lbc + ba_bc, dc = lac * lbc + ca_cb;
+  const double per_angles = area2 / (da * db * dc);
+  const double qa = cube(ra) * per_angles * db * dc, qb = cube(rb) * per_angles * da * dc, qc = cube(rc) * per_angles * da * db;
+  constexpr double third = 1.0 / 3.0;
+  const double ab = (qa - qb) * third * iab, ac = (qa - qc) * third * iac, bc = (qb - qc) * third * ibc;
   // Lens moment over the height of the opposite vertex above the edge.
-  const double mab = lens_over_two_pi(ra, rb, lab) * lab / area2;
-  const double mac = lens_over_two_pi(ra, rc, lac) * lac / area2;
-  const double mbc = lens_over_two_pi(rb, rc, lbc) * lbc / area2;
+  const double per_area = 1.0 / area2;
+  const double mab = lens_moment(ra, rb, lab, iab) * lab * per_area;
+  const double mac = lens_moment(ra, rc, lac, iac) * lac * per_area;
+  const double mbc = lens_moment(rb, rc, lbc, ibc) * lbc * per_area;
   // Foot of that height along the edge, from its first end, as a fraction.
-  const double tab = ab_ac / (lab * lab), tac = ab_ac / (lac * lac), tbc = ba_bc / (lbc * lbc);
-  const double third = area2 / 6.0;
-  return {third + ab + ac - mab * (1.0 - tab) - mac * (1.0 - tac) + mbc,
-          third - ab + bc - mab * tab - mbc * (1.0 - tbc) + mac,
-          third - ac - bc - mac * tac - mbc * tbc + mab};
+  const double tab = ab_ac * iab * iab, tac = ab_ac * iac * iac, tbc = ba_bc * ibc * ibc;
+  const double sixth = area2 / 6.0;
+  return {sixth + ab + ac - mab * (1.0 - tab) - mac * (1.0 - tac) + mbc,
+          sixth - ab + bc - mab * tab - mbc * (1.0 - tbc) + mac,
+          sixth - ac - bc - mac * tac - mbc * tbc + mab};
 }
 
 inline Shares triangle_pressure(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
@@ -46,12 +51,11 @@ inline Shares triangle_pressure(double area2, double lab, double lac, double lbc
 }
 
 template <ForceLaw law>
-void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* fx, double* fy,
-                         double* fz) {
+void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
   const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
   // Blocks: a vectorised part without any store to the grains, and a scatter.
   constexpr std::size_t block = 256;
-  double force[9][block];
+  double part[9][block];
   for (std::size_t first = 0; first < facets.end[0]; first += block) {
     const std::size_t count = std::min(block, facets.end[0] - first);
     const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
@@ -72,15 +76,18 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
                                               : triangle_pressure(area2, lab, lac, lbc, ab_ac, r[a], r[b], r[c]);
       const double scale = (pressure[left[f]] - pressure[right[f]]) / area2;
       const double sa = s.a * scale, sb = s.b * scale, sc = s.c * scale;
-      force[0][f] = sa * nx; force[1][f] = sa * ny; force[2][f] = sa * nz;
-      force[3][f] = sb * nx; force[4][f] = sb * ny; force[5][f] = sb * nz;
-      force[6][f] = sc * nx; force[7][f] = sc * ny; force[8][f] = sc * nz;
+      part[0][f] = sa * nx; part[1][f] = sa * ny; part[2][f] = sa * nz;
+      part[3][f] = sb * nx; part[4][f] = sb * ny; part[5][f] = sb * nz;
+      part[6][f] = sc * nx; part[7][f] = sc * ny; part[8][f] = sc * nz;
     }
     for (std::size_t f = 0; f < count; ++f) {
-      const Vertex a = va[f], b = vb[f], c = vc[f];
-      fx[a] += force[0][f]; fy[a] += force[1][f]; fz[a] += force[2][f];
-      fx[b] += force[3][f]; fy[b] += force[4][f]; fz[b] += force[5][f];
-      fx[c] += force[6][f]; fy[c] += force[7][f]; fz[c] += force[8][f];
+      double *a = force + 4 * static_cast<std::size_t>(va[f]), *b = force + 4 * static_cast<std::size_t>(vb[f]),
+             *c = force + 4 * static_cast<std::size_t>(vc[f]);
+      for (int d = 0; d < 3; ++d) {
+        a[d] += part[d][f];
+        b[d] += part[3 + d][f];
+        c[d] += part[6 + d][f];
+      }
     }
   }
 }
@@ -176,21 +183,19 @@ std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView
   return {grains.gap(a, wall_of(b)) * grains.gap(a, wall_of(c)), 0.0, 0.0};
 }
 
-void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, double* fx,
-                      double* fy, double* fz) {
+void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law,
+                      double* force) {
   if (law == ForceLaw::total)
-    add_triangle_forces<ForceLaw::total>(facets, grains, pressure, fx, fy, fz);
+    add_triangle_forces<ForceLaw::total>(facets, grains, pressure, force);
   else
-    add_triangle_forces<ForceLaw::pressure>(facets, grains, pressure, fx, fy, fz);
+    add_triangle_forces<ForceLaw::pressure>(facets, grains, pressure, force);
   for (std::size_t f = facets.end[0]; f < facets.size(); ++f) {
     const FacetShares s = facet_shares(facets, grains, f, law);
     const double difference = pressure[facets.left[f]] - pressure[facets.right[f]];
     const int count = f < facets.end[1] ? 2 : 1;
     for (int k = 0; k < count; ++k) {
-      const Vertex g = facets.vertex[k][f];
-      fx[g] += difference * s.share[k] * s.normal[0];
-      fy[g] += difference * s.share[k] * s.normal[1];
-      fz[g] += difference * s.share[k] * s.normal[2];
+      const std::size_t g = facets.vertex[k][f];
+      for (int d = 0; d < 3; ++d) force[4 * g + d] += difference * s.share[k] * s.normal[d];
     }
   }
 }

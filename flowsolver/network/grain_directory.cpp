@@ -123,18 +123,15 @@ void GrainDirectory::gather_vectors(MPI_Comm comm, const double* vector, std::ve
   }
 }
 
-void GrainDirectory::scatter(MPI_Comm comm, const std::vector<double>& fx, const std::vector<double>& fy,
-                             const std::vector<double>& fz, double* force) const {
+void GrainDirectory::scatter(MPI_Comm comm, const std::vector<std::array<double, 3>>& own, double* force) const {
   for (std::size_t i = 0; i < own_of_input_.size(); ++i) {
     const std::int32_t o = own_of_input_[i];
     if (o < 0) continue;
-    force[3 * i] = fx[o];
-    force[3 * i + 1] = fy[o];
-    force[3 * i + 2] = fz[o];
+    for (int d = 0; d < 3; ++d) force[3 * i + d] = own[o][d];
   }
   if (strays_everywhere_ == 0) return;
   std::vector<Stray> mine;
-  for (const std::int32_t o : lost_) mine.push_back({own_id_[o], {fx[o], fy[o], fz[o], 0.0}, 0});
+  for (const std::int32_t o : lost_) mine.push_back({own_id_[o], {own[o][0], own[o][1], own[o][2], 0.0}, 0});
   std::vector<Stray> all = share(comm, mine);
   const auto by_id = [](const Stray& a, const Stray& b) { return a.id < b.id; };
   std::sort(all.begin(), all.end(), by_id);

@@ -35,8 +35,7 @@ class GrainDirectory {
   void gather_vectors(MPI_Comm comm, const double* vector, std::vector<std::array<double, 3>>& own) const;
 
   // Collective. Forces on the mesh's own grains, in the order of the caller's last input. Out: (n, 3).
-  void scatter(MPI_Comm comm, const std::vector<double>& fx, const std::vector<double>& fy, const std::vector<double>& fz,
-               double* force) const;
+  void scatter(MPI_Comm comm, const std::vector<std::array<double, 3>>& own, double* force) const;
 
   std::size_t input_size() const { return own_of_input_.size(); }
   // The mesh's own grain that is the caller's grain i, or -1 if its mesh is on another rank.

@@ -365,23 +365,16 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
   }
   agree_on_input(comm_, fault);
 
-  std::vector<double> fx(local_.size(), 0.0), fy(local_.size(), 0.0), fz(local_.size(), 0.0);
-  geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, fx.data(), fy.data(), fz.data());
+  std::vector<double> local(4 * local_.size(), 0.0);
+  geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, local.data());
   if (law == geometry::ForceLaw::total && groups() > 1)
     for_each_step_gradient(mesh_, view(), wall_facets_, [&](std::size_t c, Vertex g, const Vector3& gradient) {
-      fx[g] += pressure[c] * gradient[0];
-      fy[g] += pressure[c] * gradient[1];
-      fz[g] += pressure[c] * gradient[2];
+      for (int d = 0; d < 3; ++d) local[4 * g + d] += pressure[c] * gradient[d];
     });
-  std::vector<double> own_x(own_.size()), own_y(own_.size()), own_z(own_.size());
-  for (std::size_t i = 0; i < local_.size(); ++i) {
-    const std::int32_t s = local_.source[i];
-    if (s < 0) continue;
-    own_x[s] = fx[i];
-    own_y[s] = fy[i];
-    own_z[s] = fz[i];
-  }
-  directory_.scatter(comm_, own_x, own_y, own_z, force);
+  std::vector<std::array<double, 3>> own(own_.size());
+  for (std::size_t i = 0; i < local_.size(); ++i)
+    if (const std::int32_t s = local_.source[i]; s >= 0) own[s] = {local[4 * i], local[4 * i + 1], local[4 * i + 2]};
+  directory_.scatter(comm_, own, force);
 
   std::fill_n(wall_force, wall_position_.size(), 0.0);
   geometry::add_wall_forces(mesh_.cell_view(), view(), mesh_.owned.get(), pressure, wall_force);
