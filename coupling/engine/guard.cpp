@@ -6,14 +6,14 @@
 // over. After an error the engine must not be used again, closing included.
 #include <mpi.h>
 
-#include <liggghts/lammps.h>
+#include <lammps.h>
 
-#include <liggghts/compute.h>
-#include <liggghts/error.h>
-#include <liggghts/fix.h>
-#include <liggghts/group.h>
-#include <liggghts/input.h>
-#include <liggghts/library.h>
+#include <compute.h>
+#include <error.h>
+#include <fix.h>
+#include <group.h>
+#include <input.h>
+#include <library.h>
 
 #include <cstdio>
 #include <stdexcept>
