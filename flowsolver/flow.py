@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -14,6 +15,8 @@ from flowsolver.native import load
 from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, PoreNetwork, checked_array
 
 _native = load("poreslip_flow")
+# PETSc must end before MPI does, which mpi4py ends after all functions that are registered here.
+atexit.register(_native.finalize)
 
 FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
 TOLERANCE = 1e-10

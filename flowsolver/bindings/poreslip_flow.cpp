@@ -60,6 +60,16 @@ NB_MODULE(poreslip_flow, m) {
   m.doc() = "Pore flow on PETSc (C++ core; SI units). Arrays of pores are those of the network, copies included.";
   nb::module_::import_("poreslip_network");
 
+  m.def(
+      "finalize",
+      [] {
+        PetscBool started = PETSC_FALSE, ended = PETSC_FALSE;
+        PetscInitialized(&started);
+        PetscFinalized(&ended);
+        if (started && !ended) PetscFinalize();
+      },
+      "End PETSc, before MPI ends; prints what options such as -log_view ask for. Collective.");
+
   nb::class_<PoreFlow>(m, "PoreFlow", "Flow through a PoreNetwork. Methods are collective unless they say local.")
       .def(
           "__init__",

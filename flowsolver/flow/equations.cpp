@@ -1,11 +1,13 @@
 // Numbering of the unknowns and assembly of their equations, (7) and (10)-(13).
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 
 #include "flow/pore_flow.hpp"
 #include "flow/rows.hpp"
 #include "flow/sum.hpp"
+#include "tessellation/agreement.hpp"
 
 namespace poreslip::flow {
 namespace {
@@ -43,12 +45,51 @@ std::vector<RemoteSide> deliver(MPI_Comm comm, const std::vector<std::vector<Rem
 
 }  // namespace
 
+// Pores that no chain of open throats joins to a given pressure keep their own: without storage nothing determines it. A box in
+// which no pressure is given at all is left as it is.
+void PoreFlow::fix_cut_off() {
+  const bool shut = std::any_of(throats_.conductance.begin(), throats_.conductance.end(), [](double c) { return c == 0.0; });
+  const bool given = std::any_of(fixed_.begin(), fixed_.end(), [](double f) { return f != 0.0; });
+  if (!any_rank(comm_, shut) || !any_rank(comm_, given)) return;
+  const Mesh& mesh = network_.mesh();
+  const std::size_t n = network_.pores();
+  // Trees of the pores that this rank's own throats join; copies on other ranks join them further.
+  std::vector<std::int32_t> parent(n);
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root = [&parent](std::int32_t c) {
+    while (parent[c] != c) c = parent[c] = parent[parent[c]];
+    return c;
+  };
+  for (std::size_t t = 0; t < throats_.facet.size(); ++t)
+    if (throats_.conductance[t] > 0.0)
+      parent[root(mesh.facet.left[throats_.facet[t]])] = root(mesh.facet.right[throats_.facet[t]]);
+  std::vector<double> reached = fixed_;
+  for (bool changed = true; changed;) {
+    std::vector<double> before = reached, of_root(n, 0.0);
+    for (std::size_t c = 0; c < n; ++c) of_root[root(c)] += reached[c];
+    for (std::size_t c = 0; c < n; ++c) reached[c] = of_root[root(c)] > 0.0 ? 1.0 : 0.0;
+    network_.exchange().add_to_owner(reached.data());
+    for (double& r : reached) r = std::min(r, 1.0);
+    network_.exchange().fetch(reached.data());
+    changed = any_rank(comm_, reached != before);
+  }
+  std::int64_t count = 0;
+  for (std::size_t c = 0; c < n; ++c) {
+    if (reached[c] > 0.0) continue;
+    fixed_[c] = 1.0;
+    count += network_.owned()[c];
+  }
+  cut_off_ = sum(comm_, count);
+}
+
 // Numbers the pores whose pressure is not given, rank by rank, along the Hilbert curve.
-void PoreFlow::number(const bool* fixed) {
+void PoreFlow::number(const bool* fixed, bool stored) {
   const std::size_t n = network_.pores();
   fixed_.resize(n);
   for (std::size_t c = 0; c < n; ++c) fixed_[c] = fixed[c] ? 1.0 : 0.0;
   network_.exchange().fetch(fixed_.data());
+  cut_off_ = 0;
+  if (!stored) fix_cut_off();
   free_.clear();
   for (std::size_t c = 0; c < n; ++c)
     if (network_.owned()[c] && fixed_[c] == 0.0) free_.push_back(static_cast<std::int32_t>(c));

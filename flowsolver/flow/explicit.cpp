@@ -33,7 +33,7 @@ SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, dou
   const double clock = MPI_Wtime();
   const Mesh& mesh = network_.mesh();
   const std::size_t n = network_.pores();
-  number(conditions.fixed);
+  number(conditions.fixed, true);
   std::copy_n(conditions.pressure, n, pressure);
   network_.exchange().fetch(pressure);
   report.unknowns = all_rows_;

@@ -115,7 +115,8 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   SolveReport report{};
   double clock = MPI_Wtime();
   const std::size_t n = network_.pores();
-  number(conditions.fixed);
+  const bool stored = dt > 0.0 && fluid_.compressibility > 0.0;
+  number(conditions.fixed, stored);
   std::copy_n(conditions.pressure, n, pressure);
   report.unknowns = all_rows_;
   report.limited_pores = sum(comm_, limited_pores_);
@@ -126,14 +127,13 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   }
   // The solver is left with the deviation from a reference pressure, so that its tolerance is one of what drives the flow. In a
   // sealed box that is the mean pressure, which is known beforehand; else the mean of the given pressures.
-  const bool stored = dt > 0.0 && fluid_.compressibility > 0.0;
   const bool sealed = sum(comm_, std::count(network_.owned(), network_.owned() + n, true)) == all_rows_;
   const double reference = sealed ? sealed_mean(conditions, stored, dt) : given_mean(conditions);
   const double start_reference = sealed ? sealed_mean(conditions, stored, 0.0) : reference;
   Rows rows;
   assemble(conditions, dt, reference, rows);
 
-  // Pores that nothing determines keep their pressure.
+  // A pore without any open throat, where nothing is stored and no pressure is given.
   std::int64_t isolated = 0;
   double net[3] = {0.0, 0.0, 0.0};  // sums of the right sides and of their terms; square of the terms' scale
   for (const std::int32_t c : free_) {
@@ -146,7 +146,7 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
     rows.diagonal[c] = 1.0;
     rows.right[c] = conditions.pressure[c] - reference;
   }
-  report.isolated = sum(comm_, isolated);
+  report.isolated = sum(comm_, isolated) + cut_off_;
   MPI_Allreduce(MPI_IN_PLACE, net, 3, MPI_DOUBLE, MPI_SUM, comm_);
   const bool singular = sealed && !stored;
   if (singular) {

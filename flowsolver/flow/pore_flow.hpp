@@ -22,7 +22,7 @@ struct Conditions {
 
 struct SolveReport {
   std::int64_t unknowns;        // over all ranks
-  std::int64_t isolated;        // free pores without any throat that conducts, over all ranks
+  std::int64_t isolated;        // free pores cut off from every given pressure, over all ranks; they keep their own
   std::int64_t limited_pores, limited_throats;
   int iterations;
   int reason;                   // PETSc's
@@ -64,7 +64,8 @@ class PoreFlow {
 
  private:
   struct Rows;
-  void number(const bool* fixed);
+  void number(const bool* fixed, bool stored);
+  void fix_cut_off();
   double given_mean(const Conditions& conditions) const;
   double sealed_mean(const Conditions& conditions, bool stored, double dt) const;
   void assemble(const Conditions& conditions, double dt, double reference, Rows& rows);
@@ -80,6 +81,7 @@ class PoreFlow {
   std::int64_t limited_pores_ = 0;
 
   std::vector<double> fixed_;        // 1 where the pressure is given, at copies too
+  std::int64_t cut_off_ = 0;         // owned pores that nothing determines, over all ranks
   std::vector<double> column_;       // global number of each local pore, -1 where fixed
   std::vector<std::int32_t> free_;   // owned pores that are unknowns
   PetscInt first_row_ = 0, all_rows_ = 0;

@@ -22,8 +22,10 @@ WallSpheres make_wall_spheres(const Domain& domain, const std::vector<double>& w
   }
   double longest = 0.0;
   for (int d = 0; d < 3; ++d) longest = std::max(longest, upper[d] - lower[d]);
-  // About 1e6 box lengths: flat to 1e-6 of the box, and its plane still resolved to 1e-10 of it.
-  walls.radius = std::ldexp(1.0, std::ilogb(longest) + 20);
+  // About 1e6 box lengths: flat to 1e-6 of the box, and its plane still resolved to 1e-10 of it. Where there are periods too, the
+  // copies of a cell must fall alike although the sphere is not periodic: flatter, 1e-8 of the box in both.
+  const bool mixed = domain.periodic[0] || domain.periodic[1] || domain.periodic[2];
+  walls.radius = std::ldexp(1.0, std::ilogb(longest) + (mixed ? 26 : 20));
   for (int w = 0; w < 6; ++w) {
     for (int d = 0; d < 3; ++d) walls.centre[w][d] = 0.5 * (lower[d] + upper[d]);
     walls.centre[w][w / 2] = walls.plane[w] + (w % 2 == 0 ? -walls.radius : walls.radius);

@@ -196,6 +196,27 @@ def test_limiter_is_counted_and_leaves_no_pore_cut_off():
     assert np.isfinite(bare.pressure).all() and bare.outflow["xmax"] <= result.outflow["xmax"]
 
 
+def test_pores_cut_off_from_every_pressure_keep_their_own(network):
+    """A cluster of pores around one grain, all throats out of it shut."""
+    flow = PoreFlow(network, 1e-3)
+    inside = (network.grains_of_pore == 75).any(axis=1) & (network.grains_of_pore >= 0).all(axis=1)
+    assert inside.sum() > 5
+    left, right = network.pores_of_throat[network.owned_throats].T
+    conductance = flow.conductance
+    conductance[inside[left] != inside[right]] = 0
+    flow.conductance = conductance
+    start = np.full(network.pores, 123.0)
+    result = flow.steady(DRIVEN, start)
+    assert result.report["isolated_pores"] == inside.sum()
+    assert np.all(result.pressure[inside] == 123.0) and result.mass_residual < 1e-10
+    # given some storage, they are unknowns like all others
+    flow = PoreFlow(network, 1e-3, compressibility=1e-9)
+    flow.conductance = conductance
+    stored = flow.implicit(DRIVEN, start, 1e-6)
+    assert stored.report["isolated_pores"] == 0
+    np.testing.assert_allclose(stored.pressure[inside], 123.0)
+
+
 FAULTS = {
     "viscosity": (lambda n: PoreFlow(n, 0.0), "viscosity is 0.0"),
     "compressibility": (lambda n: PoreFlow(n, 1.0, -1.0), "compressibility is -1.0"),
