@@ -18,7 +18,7 @@ import numpy as np
 class WallState:
     """State of one ``fix wall/plane``, the same on all ranks.
 
-    position: coordinate along the wall's axis, m. velocity: m/s along the normal. contact_force: of the grains on the wall
+    position: coordinate along the wall's axis, m. velocity: of that position, m/s. contact_force: of the grains on the wall
     against its normal, N, compression positive. fluid_force: what the driver set, N. contacts: number of grains that touch it.
     work: done by the wall on the grains since its definition, J. limited: steps at which the servo's speed was limited.
     """
