@@ -143,15 +143,15 @@ def _key(name: str, deck: Path, case: RunCase, before: Stage | None) -> str:
         "decks": _texts([deck, deck.with_name(RELEASE_DECK)] if name == "pack" else [deck]),
         "scene": case.scene,
         "pack": case.to_dict()["pack"],
-        "material": {k: v for k, v in case.to_dict()["material"].items() if k != "local_damping"},
+        "bonded": case.bonds.enabled,
     }
     if name == "pack":
-        content |= {"sources": {source: (Path(__file__).parent / source).read_text() for source in PACK_SOURCES}}
-        content |= {"variables": {k: v for k, v in pack_variables(case, Path()).items() if k not in ("inputs", "grains", "tangential")}}
+        content["sources"] = {source: (Path(__file__).parent / source).read_text() for source in PACK_SOURCES}
+        variables = pack_variables(case, Path())
     else:
-        content |= {"fault": case.to_dict()["fault"], "initial_stress": case.initial_stress_Pa}
-    if name == "bond" or case.bonds.enabled:
-        content |= {"bonds": case.to_dict()["bonds"] if name == "bond" else True}
+        variables = (stress_variables if name == "stress" else bond_variables)(case, before)
+    # Paths differ between machines; how far bonds may stretch decides nothing before they are there.
+    content["variables"] = {k: v for k, v in variables.items() if k not in ("inputs", "grains", "restart_in", "tangential")}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
