@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import time
@@ -69,8 +68,6 @@ def test_a_damaged_stage_is_made_anew(run, cache, file, ranks):
     done = run(ranks=ranks)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("bonded") == 1 and "packing" not in done.stdout
-    for stage in cache.glob("bond-*"):
-        json.loads((stage / "manifest.json").read_text())
     assert "bonded" not in run(ranks=ranks).stdout
 
 

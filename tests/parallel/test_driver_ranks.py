@@ -27,7 +27,8 @@ def test_same_on_any_number_of_ranks(run_fault, run, ranks):
     assert len(breaks[0]) > 100
 
     before, after = history(one), history(several)
-    for name in before:
+    # On several ranks the mesh is built anew where one rank can repair it.
+    for name in set(before) - {"mesh_rebuilds"}:
         scale = np.abs(before[name]).max()
         np.testing.assert_allclose(after[name], before[name], rtol=0, atol=1e-7 * scale, err_msg=name)
 
