@@ -67,16 +67,13 @@ def run_fault(poreslip: Callable[..., Completed], stage_cache: Path, tiny_case: 
 
 @pytest.fixture
 def failing_fault(poreslip: Callable[..., Completed], stage_cache: Path, tiny_case: Path, tmp_path: Path) -> Callable[..., str]:
-    """`failing_fault(*overrides, status=2, run="dry", ranks=1, options=(), env={})`: run the tiny fault, which must end with that exit status
-    and one message; the message.
+    """`failing_fault(*overrides, status=2, run="dry", ranks=1, together=True)`: run the tiny fault, which must end with that exit status and one
+    message; the message.
     """
 
-    def run(
-        *overrides: str, status: int = 2, run: str = "dry", ranks: int = 1, options: Sequence[str | Path] = (), env: dict[str, str] | None = None
-    ) -> str:
-        command = ["run", tiny_case, "--only", run, "--out", tmp_path / "out", *settings(*overrides), *options]
-        done = poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)} | (env or {}))
-        return the_message(done, status)
+    def run(*overrides: str, status: int = 2, run: str = "dry", ranks: int = 1, together: bool = True) -> str:
+        command = ["run", tiny_case, "--only", run, "--out", tmp_path / "out", *settings(*overrides)]
+        return the_message(poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)}), status, together)
 
     return run
 

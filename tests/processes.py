@@ -47,9 +47,10 @@ def run_process(command: Sequence[str | Path], timeout: float, cwd: Path | None 
     return Completed(process.args, process.returncode, out, err)
 
 
-def the_message(done: Completed, status: int) -> str:
-    """The one message that a failed command printed; checks its exit status and that there is no traceback."""
+def the_message(done: Completed, status: int, together: bool = True) -> str:
+    """The one message that a failed command printed; checks its exit status, that there is no traceback, and that ranks end together."""
     assert done.returncode == status, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr, done.stderr
     assert done.stderr.count("poreslip: ") == 1, done.stderr
+    assert not together or "MPI_ABORT" not in done.stderr, done.stderr
     return done.stderr.split("poreslip: ", 1)[1]

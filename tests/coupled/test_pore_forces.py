@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -70,11 +71,20 @@ def test_a_pressure_that_is_not_a_number(failing_fault, ranks):
     assert "gives nan at [" in message and "give a formula that is finite in every pore" in message
 
 
-def test_plates_hold_the_total_stress(run_fault):
-    """Loaded slowly, contact force and fluid force together bear on the plates what the case says."""
+def test_plates_hold_the_total_stress(run_fault, own_decks):
+    """Loaded slowly, contact force and fluid force together bear on the plates what the case says, each as the engine has it."""
+    with open(own_decks / "in.load", "a") as deck:
+        deck.write("variable plate equal ${area_bottom_left}\nthermo_style custom step f_z_bottom_left[3] f_z_bottom_left[4] v_plate\n")
     slow = ("loading.horizontal_strain=3e-5", "loading.strain_rate_per_s=0.1", "pressure.left_target_Pa=4e6", "pressure.right_target_Pa=4e6")
-    rows = history(run_fault(STRONG, *slow, "flow.interval_steps=10", "output.history_interval_steps=50"))
+    run = run_fault(STRONG, *slow, "flow.interval_steps=10", "output.history_interval_steps=50", f"decks_directory={own_decks}")
+    rows = history(run)
     assert rows["p_left_Pa"][-1] == pytest.approx(4e6, rel=1e-2)
     np.testing.assert_allclose(rows["sigma_v_Pa"], 1e7, rtol=2e-2)
     np.testing.assert_allclose(rows["sigma_h_left_Pa"], rows["sigma_h_right_Pa"], rtol=2e-2)
     assert rows["unbalanced_force_ratio"].max() < 5e-2
+
+    lines = [line.split() for line in (run / "log.liggghts").read_text().splitlines() if re.fullmatch(r"\s*\d+(\s+[-+.\de]+){3}\s*", line)]
+    _, contact, fluid, area = (float(value) for value in lines[-1])
+    assert (contact + fluid) / area == pytest.approx(1e7, rel=2e-2)
+    # The fluid bears on all of the plate's area; its edge at the gouge runs along pores, not along the interface.
+    assert fluid / area == pytest.approx(4e6, rel=0.1)
