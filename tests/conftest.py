@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from processes import MPIRUN, REPOSITORY, Completed, environment, run_process, the_message
-from tiny_fault import TINY, settings
+from tiny_fault import TINY, UPRIGHT, settings
 
 
 @pytest.fixture(scope="session")
@@ -52,15 +52,23 @@ def tiny_case(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
+def upright_case(tmp_path: Path) -> Path:
+    """Case file of the tiny upright fault, with the runs `wet` and `dry`."""
+    path = tmp_path / "upright.toml"
+    path.write_text(UPRIGHT)
+    return path
+
+
+@pytest.fixture
 def run_fault(poreslip: Callable[..., Completed], stage_cache: Path, tiny_case: Path, tmp_path: Path) -> Callable[..., Path]:
-    """`run_fault(*overrides, run="wet", out="out", ranks=1, options=(), case=None)`: run the tiny fault; the directory of its results."""
+    """`run_fault(*overrides, run="wet", out="out", ranks=1, options=(), case=None)`: run the tiny fault, or another case; the directory of its results."""
 
     def run(*overrides: str, run: str = "wet", out: str = "out", ranks: int = 1, options: Sequence[str] = (), case: Path | None = None) -> Path:
-        done = poreslip(
-            "run", case or tiny_case, "--only", run, "--out", tmp_path / out, *settings(*overrides), *options, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)}
-        )
+        case = case or tiny_case
+        command = ["run", case, "--only", run, "--out", tmp_path / out, *settings(*overrides), *options]
+        done = poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)})
         assert done.returncode == 0, done.stderr
-        return tmp_path / out / "tiny" / run
+        return tmp_path / out / case.stem / run
 
     return run
 

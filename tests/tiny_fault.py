@@ -35,6 +35,31 @@ pressure.left_target_Pa = 2.5e7
 name = "dry"
 pressure.mode = "none"
 """
+#: An upright fault, periodic along it, in the scene "supplement"; as many steps.
+UPRIGHT = """\
+scene = "supplement"
+pack.box_m = [0.022, 0.007, 0.012]
+fault.gouge_width_m = 0.005
+fault.dip_degrees = 90.0
+fault.end_band_m = 0.0
+material.local_damping = 0.2
+loading.time_step_fraction = 0.5
+output.history_interval_steps = 20
+flow.interval_steps = 10
+
+[supplement]
+shear_stress_Pa = 1.2e7
+ramp_time_s = 2e-5
+hold_time_s = 2e-5
+
+[[run]]
+name = "wet"
+pressure.left_target_Pa = 2.5e7
+
+[[run]]
+name = "dry"
+pressure.mode = "none"
+"""
 #: Loading that goes on for minutes, for runs that are to be stopped.
 LONG = ("loading.horizontal_strain=0.05", "loading.stop_vertical_strain=0.9")
 

@@ -124,6 +124,11 @@ def test_no_such_directory(failing_fault, tmp_path):
     assert f"there is no directory {tmp_path}/absent. Copy liggghts-inputs" in message
 
 
+@pytest.mark.parametrize("value", ["3", '""'])
+def test_no_path(failing_fault, value):
+    assert "decks_directory = " in (message := failing_fault(f"decks_directory={value}")) and "allowed is a path in quotes" in message
+
+
 def test_a_path_with_a_blank(poreslip, tiny_case, tmp_path):
     message = the_message(poreslip("run", tiny_case, "--only", "dry", "--out", tmp_path / "out", env={"PORESLIP_CACHE": str(tmp_path / "my cache")}), 2)
     assert "holds a blank, which LIGGGHTS cannot read" in message

@@ -52,6 +52,12 @@ def test_same_trajectory(run_fault, poreslip, ranks, bonds, run):
     assert (result / "log.liggghts").is_file() and (result / "log-from-200.liggghts").is_file()
 
 
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
+def test_upright_fault(run_fault, poreslip, upright_case, ranks):
+    result = run_fault(SNAPSHOTS, case=upright_case, ranks=ranks, options=EVERY)
+    assert_same_bits(restarted_from_the_older(poreslip, result, ranks), result)
+
+
 def test_addforce_too(run_fault, poreslip):
     result = run_fault("flow.pore_force=addforce", SNAPSHOTS, options=EVERY)
     assert_same_bits(restarted_from_the_older(poreslip, result, 1), result)

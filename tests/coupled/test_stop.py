@@ -137,6 +137,21 @@ def test_no_further_run_begins_after_a_signal(tiny_case, run_fault, tmp_path, st
     assert not (run.directory.parent / "wetter").exists()
 
 
+def test_interrupted_while_packing(tiny_case, tmp_path, poreslip):
+    """Nothing is kept of a stage that was not finished, and the next run makes it."""
+    cache = tmp_path / "cache"
+    run = LongRun(tiny_case, tmp_path / "out", cache, 1)
+    try:
+        run.wait_for(lambda: list(cache.glob("pack-*.partial/log.liggghts")))
+        os.kill(run.pid, signal.SIGINT)
+        status, errors = run.ended()
+    finally:
+        run.end()
+    assert status == 130 and "Traceback" not in errors
+    assert list(cache.iterdir()) == []
+    assert poreslip("run", tiny_case, "--only", "dry", "--out", tmp_path / "out", env={"PORESLIP_CACHE": str(cache)}).returncode == 0
+
+
 @pytest.mark.parametrize("ranks", [1, SEVERAL])
 def test_killed_in_mid_run(long_run, run_fault, poreslip, ranks):
     inputs = ("loading.horizontal_strain=1e-3", "output.snapshots=2")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tiny_fault import broken_bonds, history, last_grains
@@ -17,6 +20,19 @@ def test_same_on_any_number_of_ranks(run_fault, run, ranks):
     one = run_fault(*inputs, run=run, out="one")
     several = run_fault(*inputs, run=run, out="several", ranks=ranks)
 
+    assert_same(one, several)
+    assert len(broken_bonds(one)) > 100
+
+
+@pytest.mark.parallel
+def test_upright_fault_on_two_ranks(run_fault, upright_case):
+    one = run_fault("output.snapshots=2", case=upright_case, out="one")
+    two = run_fault("output.snapshots=2", case=upright_case, out="two", ranks=2)
+    assert_same(one, two)
+    assert json.loads((two / "report.json").read_text())["momentum_residual"] < 1e-10
+
+
+def assert_same(one: Path, several: Path) -> None:
     a, b = last_grains(one), last_grains(several)
     np.testing.assert_array_equal(a["id"], b["id"])
     assert np.abs(a["position"] - b["position"]).max() < 1e-9 * MEAN_DIAMETER
@@ -24,25 +40,9 @@ def test_same_on_any_number_of_ranks(run_fault, run, ranks):
 
     breaks = [[(row["step"], row["id_i"], row["id_j"], row["mode"]) for row in broken_bonds(result)] for result in (one, several)]
     assert sorted(breaks[0]) == sorted(breaks[1])
-    assert len(breaks[0]) > 100
 
     before, after = history(one), history(several)
     # On several ranks the mesh is built anew where one rank can repair it.
     for name in set(before) - {"mesh_rebuilds"}:
         scale = np.abs(before[name]).max()
         np.testing.assert_allclose(after[name], before[name], rtol=0, atol=1e-7 * scale, err_msg=name)
-
-
-@pytest.mark.parallel
-def test_the_pack_is_as_good_on_two_ranks(run_fault, tiny_case, poreslip, tmp_path):
-    """Made on two ranks a pack is another one, from the same grains, and just as dense."""
-    out = []
-    for ranks in (1, 2):
-        command = ["run", tiny_case, "--only", "dry", "--out", tmp_path / f"out{ranks}"]
-        done = poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(tmp_path / f"cache{ranks}")})
-        assert done.returncode == 0, done.stderr
-        line = next(line for line in done.stdout.splitlines() if "packed" in line)
-        out.append((int(line.split()[2]), float(line.split()[-1])))
-    (grains, porosity), (other_grains, other_porosity) = out
-    assert abs(other_grains - grains) <= 0.01 * grains
-    assert other_porosity == pytest.approx(porosity, abs=5e-3)
