@@ -27,7 +27,11 @@ class Snapshots:
             rows = []
             if resume_step is not None and self._index.is_file():
                 with open(self._index, newline="") as file:
-                    rows = [row for row in csv.DictReader(file) if int(row["step"]) <= resume_step]
+                    listed = list(csv.DictReader(file))
+                rows = [row for row in listed if int(row["step"]) <= resume_step]
+                for row in listed[len(rows) :]:
+                    for kind in ("grains", "contacts"):
+                        (self._directory / row[kind]).unlink(missing_ok=True)
             self._rows = rows
 
     @property
