@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 
@@ -11,7 +12,8 @@ class Progress:
 
     def __init__(self, label: str, shown: bool):
         self._label, self._shown = label, shown
-        self._terminal = sys.stdout.isatty()
+        # mpirun gives its ranks a terminal of its own, wherever their output goes.
+        self._terminal = sys.stdout.isatty() and "OMPI_COMM_WORLD_RANK" not in os.environ
         self._start = self._last = time.monotonic()
         self._start_fraction: float | None = None
         self._next_line = 0.1
