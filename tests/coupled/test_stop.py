@@ -152,24 +152,30 @@ def test_interrupted_while_packing(tiny_case, tmp_path, poreslip):
     assert poreslip("run", tiny_case, "--only", "dry", "--out", tmp_path / "out", env={"PORESLIP_CACHE": str(cache)}).returncode == 0
 
 
-@pytest.mark.parametrize("ranks", [1, SEVERAL])
-def test_killed_in_mid_run(long_run, run_fault, poreslip, ranks):
+@pytest.mark.parametrize(
+    "ranks, number",
+    [(1, signal.SIGKILL), pytest.param(2, signal.SIGKILL, marks=pytest.mark.parallel), (1, signal.SIGTERM)],
+)
+def test_stopped_and_continued(long_run, run_fault, poreslip, ranks, number):
+    """From the last checkpoint on, as if nothing had been: rows past it are cut, a torn one and that of the stop itself included."""
     inputs = ("loading.horizontal_strain=1e-3", "output.snapshots=2")
     every = ("--checkpoint-every", "100")
     run = long_run(ranks, *settings(*inputs), *every)
     run.wait_for(lambda: len(list(run.directory.glob("checkpoint-*"))) == 2)
-    os.kill(run.rank_pids()[0], signal.SIGKILL)
+    os.kill(run.rank_pids()[0], number)
     status, _ = run.ended()
     assert status != 0
-    assert not (run.directory / "report.json").exists()
+    assert (run.directory / "report.json").exists() == (number == signal.SIGTERM)
     with open(run.directory / "history.csv", "a") as table:
         table.write("99999,1.0")
 
     done = poreslip("run", "--restart", run.directory, ranks=ranks)
     assert done.returncode == 0, done.stderr
-    never_killed = run_fault(*inputs, out="never-killed", ranks=ranks, options=every)
-    for table in ("history.csv", "bonds.csv"):
-        assert (run.directory / table).read_bytes() == (never_killed / table).read_bytes()
-    killed, other = last_grains(run.directory), last_grains(never_killed)
+    never_stopped = run_fault(*inputs, out="never-stopped", ranks=ranks, options=every)
+    for table in ("history.csv", "bonds.csv", "snapshots/index.csv"):
+        assert (run.directory / table).read_bytes() == (never_stopped / table).read_bytes()
+    files = [sorted(path.name for path in (directory / "snapshots").iterdir()) for directory in (run.directory, never_stopped)]
+    assert files[0] == files[1]
+    stopped, other = last_grains(run.directory), last_grains(never_stopped)
     for name in other:
-        assert killed[name].tobytes() == other[name].tobytes(), name
+        assert stopped[name].tobytes() == other[name].tobytes(), name
