@@ -81,7 +81,14 @@ def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int)
     old_pressure = before[old_index]
     own = np.flatnonzero(network.owned)
     new_grains, new_volume = network.grains_of_pore[own], network.pore_volume[own]
-    new_pressure, kept = _ask(comm, _keys(old_grains), old_pressure, _keys(new_grains))
+    same = network.native.same_pore_before()
+    if len(same):
+        # A repaired mesh knows which of its pores are the same; it has no copies of any.
+        new_pressure = np.where(same >= 0, before[same], np.nan)
+        kept = np.zeros(pores_before, bool)
+        kept[same[same >= 0]] = True
+    else:
+        new_pressure, kept = _ask(comm, _keys(old_grains), old_pressure, _keys(new_grains))
     new = np.isnan(new_pressure)
 
     # What the vanished pores held, by grain; they are few, and every rank gets them all.

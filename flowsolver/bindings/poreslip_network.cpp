@@ -197,6 +197,15 @@ NB_MODULE(poreslip_network, m) {
           "Pores owned in the mesh before: ids of their grains (k, 4) int64, volumes (k,) float64, m^3, where the grains are "
           "now, and indices (k,) int32 among that mesh's pores (local).")
       .def(
+          "same_pore_before",
+          [](const PoreNetwork& self) {
+            const auto& previous = self.mesh().previous;
+            auto out = new_array<std::int32_t>({previous.size()});
+            std::copy(previous.begin(), previous.end(), out.data());
+            return out;
+          },
+          "After \"repaired\": (m,) int32, each pore's index in the mesh before, -1 for new ones. Else empty (local).")
+      .def(
           "share",
           [](PoreNetwork& self, In<double, nb::shape<-1>> value) {
             auto out = new_array<double>({self.pores()});

@@ -91,6 +91,7 @@ class PoreFlow {
   Vec right_ = nullptr, solution_ = nullptr;
   std::int64_t matrix_mesh_ = -1;
   std::vector<double> matrix_fixed_;
+  PetscInt most_iterations_ = 0;     // the user's, or PETSc's
   int iterations_at_setup_ = 0;
   bool preconditioner_stale_ = true;
 };

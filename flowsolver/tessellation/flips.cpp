@@ -25,7 +25,7 @@ Facet grain_first(Facet f) {
 class Flipper {
  public:
   Flipper(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls) : grains_(grains), walls_(walls) {
-    const std::size_t n = mesh.cells();
+    const std::size_t n = before_ = mesh.cells();
     vertex_.resize(n);
     neighbour_.assign(n, {-1, -1, -1, -1});
     alive_.assign(n, true);
@@ -68,6 +68,7 @@ class Flipper {
       number[c] = static_cast<std::int32_t>(cells.vertex.size());
       cells.vertex.push_back(vertex_[c]);
       cells.neighbour.push_back(neighbour_[c]);
+      cells.previous.push_back(c < before_ ? static_cast<std::int32_t>(c) : -1);
     }
     for (std::size_t c = 0; c < cells.vertex.size(); ++c) {
       for (auto& n : cells.neighbour[c]) n = n < 0 ? -1 : number[n];
@@ -221,6 +222,7 @@ class Flipper {
   std::vector<std::array<std::int32_t, 4>> neighbour_;
   std::vector<bool> alive_;
   std::deque<std::pair<std::int32_t, Vertex>> queue_;  // a cell and the apex opposite the facet in question
+  std::size_t before_ = 0;  // cells of the mesh at the start
   std::int64_t exact_tests_ = 0;
 };
 

@@ -93,6 +93,10 @@ Mesh make_mesh(const TouchingCells& cells, const LocalGrains& grains) {
   for (std::size_t c = 0; c < n; ++c) rank_of[order[c]] = static_cast<std::int32_t>(c);
   for (auto& v : mesh.cell_vertex) v.resize(n);
   mesh.owned = std::make_unique<bool[]>(n);
+  if (!cells.previous.empty()) {
+    mesh.previous.resize(n);
+    for (std::size_t c = 0; c < n; ++c) mesh.previous[c] = cells.previous[order[c]];
+  }
 
   FacetKinds inner, outer;
   inner[0].reserve(2 * n + 16);

@@ -27,6 +27,7 @@ struct Mesh {
   std::array<std::vector<Vertex>, 4> cell_vertex;
   std::array<std::size_t, 4> cell_end{};
   std::unique_ptr<bool[]> owned;   // (cells): belongs to this rank
+  std::vector<std::int32_t> previous;  // after a repair: the same cell of the mesh before, -1 for new ones; else empty
   FacetArrays facet;               // between two cells, with an own grain
   FacetArrays outer;               // of owned cells, without an own grain: no right cell here (-1)
 

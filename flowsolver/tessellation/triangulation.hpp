@@ -16,6 +16,7 @@ namespace poreslip {
 struct TouchingCells {
   std::vector<std::array<Vertex, 4>> vertex;              // positively oriented
   std::vector<std::array<std::int32_t, 4>> neighbour;     // across the facet opposite vertex k; -1: touches no own grain
+  std::vector<std::int32_t> previous;                     // from flips: the same cell of the mesh before, or -1
   bool complete = true;        // false: a grain beyond the known region could change a cell; fetch a wider halo
   std::int64_t hidden = 0;     // own grains that have no cell: they lie inside others
   std::string coincident;      // names a pair of own or known grains with the same centre, if there is one

@@ -182,6 +182,16 @@ def test_preconditioner_and_start_are_kept_while_that_pays(network):
     np.testing.assert_allclose(again.pressure, first.pressure, atol=1e-9 * 1e5)
 
 
+def test_a_preconditioner_that_no_longer_serves_is_made_anew(network):
+    """One made for a step in which nothing flows, for the steady state: given up after few iterations."""
+    flow = PoreFlow(network, 1e-3, compressibility=4.5e-10)
+    still = flow.implicit(DRIVEN, np.zeros(network.pores), 1e-18)
+    result = flow.steady(DRIVEN, still.pressure)
+    assert not result.report["preconditioner_kept"]
+    assert 20 < result.report["iterations"] < 100
+    np.testing.assert_allclose(result.pressure, PoreFlow(network, 1e-3).steady(DRIVEN).pressure, atol=1e-4)
+
+
 def test_limiter_is_counted_and_leaves_no_pore_cut_off():
     x, r = random_pack(100, (0.03, 0.12), seed=2)
     net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
