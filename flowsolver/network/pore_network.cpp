@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "geometry/cells.hpp"
+#include "network/timer.hpp"
 #include "network/validation.hpp"
 #include "network/wall_steps.hpp"
 #include "tessellation/agreement.hpp"
@@ -17,17 +18,6 @@
 
 namespace poreslip {
 namespace {
-
-// Adds the time of its scope, in seconds.
-class Timer {
- public:
-  explicit Timer(double& total) : total_(total), start_(MPI_Wtime()) {}
-  ~Timer() { total_ += MPI_Wtime() - start_; }
-
- private:
-  double& total_;
-  double start_;
-};
 
 // The halo starts at twice the largest grain's diameter: enough for packs down to twice the porosity of a dense one.
 constexpr double halo_radii = 4.0;
@@ -268,87 +258,6 @@ void PoreNetwork::refresh_local_grains() {
   }
 }
 
-void PoreNetwork::pore_centre(double* centre) {
-  const Timer timer(report_.geometry);
-  geometry::cell_centroids(mesh_.cell_view(), view(), centre);
-  for (int d = 0; d < 3; ++d) {
-    if (!domain_.periodic[d]) continue;
-    for (std::size_t c = 0; c < pores(); ++c) {
-      double& x = centre[3 * c + d];
-      x -= period_[d] * std::floor((x - domain_.lower[d]) / period_[d]);
-    }
-  }
-}
-
-void PoreNetwork::cell_volume(double* volume) {
-  const Timer timer(report_.geometry);
-  geometry::cell_volumes(mesh_.cell_view(), view(), volume);
-}
-
-void PoreNetwork::pore_volume(double* volume) {
-  const Timer timer(report_.geometry);
-  geometry::pore_volumes(mesh_.cell_view(), view(), volume);
-}
-
-void PoreNetwork::grains_of_pore(std::int64_t* id) const {
-  for (std::size_t c = 0; c < pores(); ++c)
-    for (int k = 0; k < 4; ++k) {
-      const Vertex v = mesh_.cell_vertex[k][c];
-      id[4 * c + k] = is_wall(v) ? v : local_.id[v];
-    }
-}
-
-void PoreNetwork::pores_of_throat(std::int32_t* pore) const {
-  for (std::size_t f = 0; f < throats(); ++f) {
-    pore[2 * f] = mesh_.facet.left[f];
-    pore[2 * f + 1] = mesh_.facet.right[f];
-  }
-}
-
-void PoreNetwork::grains_of_throat(std::int64_t* id) const {
-  for (std::size_t f = 0; f < throats(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      const Vertex v = mesh_.facet.vertex[k][f];
-      id[3 * f + k] = is_wall(v) ? v : local_.id[v];
-    }
-}
-
-void PoreNetwork::owned_throats(bool* owned) const {
-  for (std::size_t f = 0; f < throats(); ++f) {
-    const Vertex v[3] = {mesh_.facet.vertex[0][f], mesh_.facet.vertex[1][f], mesh_.facet.vertex[2][f]};
-    owned[f] = belongs_here(v, 3, local_);
-  }
-}
-
-ThroatSections PoreNetwork::throat_sections() {
-  const Timer timer(report_.geometry);
-  ThroatSections s;
-  for (auto* v : {&s.facet_area, &s.open_area, &s.perimeter, &s.length}) v->resize(throats());
-  geometry::throat_sections(mesh_.facet_view(), view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
-  std::vector<double> centre(3 * pores());
-  geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
-  for (std::size_t f = 0; f < throats(); ++f) {
-    const double *p = &centre[3 * mesh_.facet.left[f]], *q = &centre[3 * mesh_.facet.right[f]];
-    s.length[f] = std::hypot(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
-  }
-  return s;
-}
-
-Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
-  const ThroatSections s = throat_sections();
-  std::vector<double> cell(pores()), pore(pores());
-  cell_volume(cell.data());
-  pore_volume(pore.data());
-  const auto owned_throat = std::make_unique<bool[]>(throats());
-  owned_throats(owned_throat.get());
-  std::array<std::int64_t, 2> count{0, 0};
-  for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && pore[c] < least_void_share * cell[c];
-  for (std::size_t f = 0; f < throats(); ++f)
-    count[1] += owned_throat[f] && s.open_area[f] < least_open_share * s.facet_area[f];
-  MPI_Allreduce(MPI_IN_PLACE, count.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
-  return {count[0], count[1]};
-}
-
 void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force) {
   const Timer timer(report_.forces);
   std::size_t bad = pores();
@@ -410,22 +319,6 @@ const PoreExchange& PoreNetwork::exchange() {
   if (!exchange_built_) exchange_.build(comm_, mesh_, local_, halo_);
   exchange_built_ = true;
   return exchange_;
-}
-
-NetworkReport PoreNetwork::report() const {
-  NetworkReport r = report_;
-  std::array<std::int64_t, 3> count{static_cast<std::int64_t>(own_.size()), 0, 0};
-  for (std::size_t c = 0; c < mesh_.cells(); ++c) count[1] += mesh_.owned[c];
-  const auto owned_throat = std::make_unique<bool[]>(mesh_.facets());
-  owned_throats(owned_throat.get());
-  for (std::size_t f = 0; f < mesh_.facets(); ++f) count[2] += owned_throat[f];
-  MPI_Allreduce(MPI_IN_PLACE, count.data(), 3, MPI_INT64_T, MPI_SUM, comm_);
-  r.grains = count[0];
-  r.pores = count[1];
-  r.throats = count[2];
-  r.hidden_grains = hidden_;
-  r.halo = halo_width_;
-  return r;
 }
 
 }  // namespace poreslip
