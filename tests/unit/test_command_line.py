@@ -57,11 +57,11 @@ def test_a_restart_takes_its_case_from_the_results(case: Path, driver: list[tupl
     directory.mkdir(parents=True)
     (directory / "case.json").write_text(json.dumps(run.to_dict()))
     assert main(["run", "--restart", str(directory)]) == 0
-    assert main(["run", "--restart", str(directory), "--checkpoint-every", "40"]) == 0
+    assert main(["run", "--restart", str(directory), "--checkpoint-every", "200"]) == 0
     (first, options), (second, _) = driver
     assert first.runs == (run,)
     assert (first.stem, options.output_root, options.restart) == ("fault", tmp_path / "results", directory)
-    assert second.runs[0].output.checkpoint_every_steps == 40
+    assert second.runs[0].output.checkpoint_every_steps == 200
 
 
 def test_help_and_version(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
