@@ -14,6 +14,10 @@ import numpy as np
 from coupling.engine.interface import Engine
 from coupling.walls import wall_positions
 
+#: Steps are in standard deviations of the radius, but of at most this part of the mean radius: the room between neighbours, and not the spread of
+#: the sizes, then limits them.
+WIDEST_STEP = 0.08
+
 
 def exchange_sizes(engine: Engine, comm, walls, step: float) -> None:
     """Give every grain another of the grains' sizes; collective.
@@ -33,7 +37,7 @@ def exchange_sizes(engine: Engine, comm, walls, step: float) -> None:
     sizes, squeeze = everywhere[1:, there]
     if squeeze.std() == 0.0 or sizes.std() == 0.0:
         return
-    wanted = sizes - step * sizes.std() * (squeeze - squeeze.mean()) / squeeze.std()
+    wanted = sizes - step * min(sizes.std(), WIDEST_STEP * sizes.mean()) * (squeeze - squeeze.mean()) / squeeze.std()
     new = np.zeros(length)
     new[there[np.argsort(wanted, kind="stable")]] = np.sort(sizes)
     engine.atom("rmass")[:] *= (new[ids] / radius) ** 3
