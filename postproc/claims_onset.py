@@ -256,5 +256,5 @@ ONSET_CLAIMS = (
 
 SUPPLEMENT_CLAIMS = (
     Claim("h", "Fault normal along x: cases 2 and 3 slip, case 4 with the same mean pressure does not", "Supplement",
-          "slip of 0.01 d is reached in cases 2 and 3 and not in case 4", supplement_slips, supplement_over_packs),
+          f"slip of {THRESHOLD:g} d is reached in cases 2 and 3 and not in case 4", supplement_slips, supplement_over_packs),
 )

@@ -1,19 +1,20 @@
 """Onset of slip: the definition, its uncertainty, and three other definitions to hold against it.
 
 Definition.  u(t) is the mean tangential displacement of a block against the gouge grains next to it, t the time since
-the start of the loading; the strain rate is constant, so that time stands for strain, and a scene that holds the strain
-can be read as well.
-1. Elastic part: a straight line fitted to u over the first half of the time in which u first reaches 0.005 d (d the
-   mean grain diameter), taken off over the whole history.  What is left is the slip s.
-2. Onset: the time at which s passes 0.01 d, by linear interpolation between samples.  Where noise makes s pass more
+the start of the loading.
+1. Elastic part: u grows with the shear stress on the fault before anything slides.  A straight line in that stress,
+   (sigma_h - sigma_v)/2 sin(2 dip), is fitted to u over the first half of the time in which u first reaches 0.0025 d (d
+   the mean grain diameter) and taken off over the whole history; where that stress does not change (an upright fault), the
+   mean is.  What is left is the slip s.  (A line in time would go on growing when the stress no longer does, and hide slip.)
+2. Onset: the time at which s passes 0.005 d, by linear interpolation between samples.  Where noise makes s pass more
    than once, the last passage before s has reached twice the threshold counts.
-3. Uncertainty: half the range between the passages of 0.005 d and 0.02 d, half a sampling interval and the noise of s
+3. Uncertainty: half the range between the passages of 0.0025 d and 0.01 d, half a sampling interval and the noise of s
    (with the error of the extrapolated line) over its slope, added in quadrature.  Strain and stresses at the onset are
    read off the history at that time (stresses smoothed, smoothing.py); their uncertainty is half their range between
    the passages, their change over the last two terms, and their own noise, added in quadrature.
 The faster interface is the one whose onset comes first.
 
-The other definitions: u itself, elastic part and all, passes 0.01 d on either interface; the largest smoothed sigma_n;
+The other definitions: u itself, elastic part and all, passes 0.005 d on either interface; the largest smoothed sigma_n;
 the time at which d(vertical strain)/d(strain) has gone half of the way from its early value to that of rigid sliding on
 the fault.  Compression is positive.
 """
@@ -30,10 +31,10 @@ import pandas as pd
 from . import smoothing
 from .run_files import Run, mean_diameter
 
-THRESHOLD = 0.01
-"""Slip at onset over the mean grain diameter; 20 micrometres for d = 2 mm."""
+THRESHOLD = 0.005
+"""Slip at onset over the mean grain diameter; 10 micrometres for d = 2 mm."""
 
-THRESHOLDS = (0.005, THRESHOLD, 0.02)
+THRESHOLDS = (0.0025, THRESHOLD, 0.01)
 """The range over which the threshold's choice is tried."""
 
 SIDES = ("left", "right")
@@ -53,7 +54,7 @@ class Onset:
     """One onset.  at: QUANTITIES -> value and uncertainty; at_threshold: threshold (in d) -> QUANTITIES -> value.
 
     measurement: QUANTITIES -> the uncertainty without the threshold's part, for comparing runs at equal threshold.
-    cut_short: the run ended before 0.02 d was reached, the uncertainty is that of the thresholds reached.
+    cut_short: the run ended before 0.01 d was reached, the uncertainty is that of the thresholds reached.
     """
 
     at: Mapping[str, Quantity]
@@ -64,11 +65,14 @@ class Onset:
 
 @dataclass(frozen=True)
 class Slip:
-    """One interface.  slip: (n,) float64, m, elastic part taken off; noise: m; onset: None when it did not slip."""
+    """One interface.  slip: (n,) float64, m, elastic part taken off; noise: m; onset: None when it did not slip.
+
+    elastic_m_per_Pa: elastic displacement for each Pa of shear stress on the fault.
+    """
 
     side: str
     slip: np.ndarray
-    elastic_m_per_s: float
+    elastic_m_per_Pa: float
     noise: float
     onset: Onset | None
 
@@ -127,7 +131,7 @@ def passage(time: np.ndarray, slip: np.ndarray, threshold: float) -> float | Non
 
 @dataclass(frozen=True)
 class ElasticLine:
-    """u = intercept + slope * time over the first `count` samples; noise: their standard deviation about it, m."""
+    """u = intercept + slope * stress over the first `count` samples; noise: their standard deviation about it, m."""
 
     intercept: float
     slope: float
@@ -136,20 +140,32 @@ class ElasticLine:
     centre: float
     spread: float
 
-    def error(self, time: float) -> float:
-        """Standard error of the line at `time`, m."""
-        return self.noise * float(np.sqrt(1.0 / self.count + ((time - self.centre) / self.spread) ** 2))
+    def error(self, stress: float) -> float:
+        """Standard error of the line at `stress`, m."""
+        away = (stress - self.centre) / self.spread if self.spread > 0.0 else 0.0
+        return self.noise * float(np.sqrt(1.0 / self.count + away ** 2))
 
 
-def elastic_line(time: np.ndarray, displacement: np.ndarray, diameter: float) -> ElasticLine:
-    """The line of step 1 of the definition through `displacement` (n,), m."""
+def shear_stress(run: Run) -> np.ndarray:
+    """(n,) Pa: smoothed shear stress that the walls put on the fault, (sigma_h - sigma_v)/2 sin(2 dip)."""
+    history = run.history
+    horizontal = 0.5 * (history["sigma_h_left_Pa"] + history["sigma_h_right_Pa"]).to_numpy(float)
+    difference = horizontal - history["sigma_v_Pa"].to_numpy(float)
+    dip = np.radians(float(run.case["fault"]["dip_degrees"]))
+    # Upright, sin(2 dip) is 0 but for rounding.
+    share = 0.5 * np.sin(2.0 * dip) if abs(np.cos(dip)) > 1e-9 else 0.0
+    return share * smoothing.smooth(history["time_s"].to_numpy(float), difference)
+
+
+def elastic_line(time: np.ndarray, stress: np.ndarray, displacement: np.ndarray, diameter: float) -> ElasticLine:
+    """The line of step 1 of the definition through `displacement` (n,), m, over `stress` (n,), Pa."""
     first = passage(time, displacement - displacement[0], THRESHOLDS[0] * diameter)
     last = time[0] + 0.5 * ((time[-1] if first is None else first) - time[0])
     count = min(max(int(np.searchsorted(time, last, side="right")), 4), len(time) - 1)
-    x, y = time[:count], displacement[:count]
+    x, y = stress[:count], displacement[:count]
     centre = float(x.mean())
     sum_xx = float(np.sum((x - centre) ** 2))
-    slope = float(np.sum((x - centre) * y) / sum_xx)
+    slope = float(np.sum((x - centre) * y) / sum_xx) if sum_xx > 0.0 else 0.0
     intercept = float(y.mean() - slope * centre)
     residual = y - intercept - slope * x
     deviation = float(np.sqrt(np.sum(residual ** 2) / max(count - 2, 1)))
@@ -183,8 +199,9 @@ def slip_of(run: Run, side: str, history_state: Mapping[str, np.ndarray], noise:
     """Steps 1 to 3 of the definition for the interface on `side`; sign: +1 or -1, the sense of the fault's slip."""
     time = history_state["time_s"]
     displacement = sign * run.history[f"slip_{side}_m"].to_numpy(float)
-    line = elastic_line(time, displacement, diameter)
-    slip = displacement - line.intercept - line.slope * time
+    stress = shear_stress(run)
+    line = elastic_line(time, stress, displacement, diameter)
+    slip = displacement - line.intercept - line.slope * stress
     passages = {threshold: passage(time, slip, threshold * diameter) for threshold in THRESHOLDS}
     if passages[THRESHOLD] is None:
         return Slip(side, slip, line.slope, line.noise, None)
@@ -192,7 +209,7 @@ def slip_of(run: Run, side: str, history_state: Mapping[str, np.ndarray], noise:
     after = min(max(int(np.searchsorted(time, time_at)), 1), len(time) - 1)
     interval = time[after] - time[after - 1]
     steepness = np.interp(time_at, time, smoothing.slope(time, slip))
-    error = np.hypot(line.noise, line.error(time_at)) / max(steepness, 1e-3 * abs(slip).max() / np.ptp(time))
+    error = np.hypot(line.noise, line.error(float(np.interp(time_at, time, stress)))) / max(steepness, 1e-3 * abs(slip).max() / np.ptp(time))
     known = {threshold: where for threshold, where in passages.items() if where is not None}
     onset = read_off(history_state, noise, time_at, float(np.hypot(0.5 * interval, error)), known,
                      cut_short=len(known) < len(THRESHOLDS))
@@ -279,7 +296,7 @@ def peak_onset(history_state: Mapping[str, np.ndarray], noise: Mapping[str, floa
 
 def as_measured_onset(displacements: Sequence[np.ndarray], diameter: float, history_state: Mapping[str, np.ndarray],
                       noise: Mapping[str, float]) -> Onset | None:
-    """The first of the interfaces' displacements (n,), m, to pass 0.01 d, without taking off an elastic part."""
+    """The first of the interfaces' displacements (n,), m, to pass 0.005 d, without taking off an elastic part."""
     time = history_state["time_s"]
     found = []
     for displacement in displacements:

@@ -87,7 +87,7 @@ def onset_table(variant: MeasuredVariant) -> str:
         onsets = measured.onsets
         largest = max(slip.largest for slip in onsets.slips.values())
         without = f"no slip (largest {largest * 1e6:.2g} µm of the {1e6 * onset_module.THRESHOLD * onsets.diameter:.2g} µm)"
-        note = " (run ends before 0.02 d)" if onsets.onset and onsets.onset.cut_short else ""
+        note = f" (run ends before {onset_module.THRESHOLDS[-1]:g} d)" if onsets.onset and onsets.onset.cut_short else ""
         rows.append([label, (onsets.faster or "none") + note, *onset_cells(onsets.onset, IN_THE_TABLE, without)])
     return html_table(["case", "faster interface", "strain, 10<sup>-3</sup>", "σ<sub>n</sub>, MPa", "σ<sub>n</sub> − max p, MPa",
                        "σ<sub>n</sub> − mean p, MPa", "time, ms"], rows)

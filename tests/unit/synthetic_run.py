@@ -1,6 +1,6 @@
 """Write the files of a made-up run with a known onset of slip, in the formats of real runs.
 
-The slip of the faster interface is an elastic line plus a smooth ramp which passes 0.01 d exactly at `onset_strain`;
+The slip of the faster interface is an elastic line plus a smooth ramp which passes 0.005 d exactly at `onset_strain`;
 the other interface passes it at `other_onset_strain`.  Stresses and strains follow simple closed forms, so that every
 quantity at the onset is known.
 """
@@ -51,11 +51,11 @@ class Synthetic:
 
 
 def ramp(strain: np.ndarray, onset: float | None, made: Synthetic) -> np.ndarray:
-    """Slip without its elastic part, m: slip_per_strain * w ln(1 + exp((e - e0)/w)), which is 0.01 d at `onset`."""
+    """Slip without its elastic part, m: slip_per_strain * w ln(1 + exp((e - e0)/w)), which is 0.005 d at `onset`."""
     if onset is None:
         return np.zeros_like(strain)
     w, v = made.ramp_width, made.slip_per_strain
-    start = onset - w * np.log(np.expm1(0.01 * DIAMETER / (v * w)))
+    start = onset - w * np.log(np.expm1(0.005 * DIAMETER / (v * w)))
     return v * w * np.logaddexp(0.0, (strain - start) / w)
 
 
@@ -76,6 +76,8 @@ def history(made: Synthetic) -> pd.DataFrame:
     left, right = PRESSURES[made.number]
     faster, slower = ramp(strain, made.onset_strain, made), ramp(strain, made.other_onset_strain, made)
     slips = (slower, faster) if right > left else (faster, slower)
+    # Proportional to the shear stress on the fault.
+    elastic = made.elastic_slip * (sigma_h(strain, made) - 1e7) / made.stiffness
     sliding = np.zeros_like(strain)
     if made.onset_strain is not None:
         sliding = 0.5 * (1.0 + np.tanh((strain - made.onset_strain) / 5e-5))
@@ -94,8 +96,8 @@ def history(made: Synthetic) -> pd.DataFrame:
         "p_left_Pa": left * TARGET * grown,
         "p_right_Pa": right * TARGET * grown,
         "vertical_strain_rate_per_s": rate,
-        "slip_left_m": slips[0] + made.elastic_slip * strain + made.slip_noise * random.standard_normal(made.samples),
-        "slip_right_m": slips[1] + made.elastic_slip * strain + made.slip_noise * random.standard_normal(made.samples),
+        "slip_left_m": slips[0] + elastic + made.slip_noise * random.standard_normal(made.samples),
+        "slip_right_m": slips[1] + elastic + made.slip_noise * random.standard_normal(made.samples),
         "bonds_intact": 20000 - np.round(made.bonds_broken * grown).astype(int),
         "bonds_broken_tension": np.round(made.bonds_broken * grown).astype(int),
         "bonds_broken_shear": np.zeros(made.samples, int),

@@ -85,7 +85,7 @@ def test_uncertainty_of_a_difference_is_half_its_range_over_the_thresholds(tmp_p
     (tmp_path / "runs.json").write_text('{"runs": ["none"]}')
     value, uncertainty = difference_of_onsets(measure(sort_runs(find_runs([tmp_path])[0]))[0].packs[0], 1, 2)
     assert value == pytest.approx(0.0, abs=2e4)
-    assert uncertainty == pytest.approx(0.0075 * synthetic.DIAMETER * (1 / 0.1 - 1 / 0.35) * 1e10, rel=0.05)
+    assert uncertainty == pytest.approx(0.00375 * synthetic.DIAMETER * (1 / 0.1 - 1 / 0.35) * 1e10, rel=0.05)
 
 
 def test_collapse_is_small_against_the_maximum_only_when_the_maximum_rules(tmp_path: Path) -> None:
