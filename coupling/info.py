@@ -14,7 +14,7 @@ from coupling.errors import InputError
 from coupling.native import REPOSITORY, build_directory, library_path
 
 _DEBIAN_PACKAGES = {"LIGGGHTS": "libliggghts3", "LAMMPS": "liblammps0", "PETSc": "libpetsc-real3.18", "CGAL": "libcgal-dev"}
-_NATIVE_PARTS = ("libporeslip_engine_guard", "libporeslip_liggghts", "poreslip_network")
+_NATIVE_PARTS = ("libporeslip_engine_guard", "libporeslip_liggghts", "poreslip_network", "poreslip_flow")
 
 
 def information() -> list[tuple[str, str]]:
