@@ -88,7 +88,7 @@ class Loading:
     def _progress_of_ramp(self) -> float:
         if self._case.scene == "supplement":
             return min(1.0, self._time / self._case.supplement.ramp_time_s)
-        return self._strain / self._case.loading.horizontal_strain
+        return min(1.0, self._strain / self._case.loading.horizontal_strain)
 
     @property
     def _time(self) -> float:

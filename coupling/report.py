@@ -63,7 +63,7 @@ def write_report(
         "bonds": stage.manifest.get("bonds", 0),
         "reference": state["reference"],
         "quasi_static_checks": loading.worst,
-        "wall_speed_limited_steps": {name: engine.wall(name).limited for name in flow_walls(loading)},
+        "wall_speed_limited_steps": {name: engine.wall(name).limited for name in loading.walls.plates},
         "pore_network_by_rank": network,
         "momentum_residual": loading.worst["momentum_residual"],
         "last": loading.last,
@@ -73,11 +73,6 @@ def write_report(
     output.text("report.md", page(case, report))
     for warning in warnings:
         print(f"{case.name}  warning: {warning}", flush=True)
-
-
-def flow_walls(loading: Loading) -> list[str]:
-    """Fix ids of the scene's walls."""
-    return list(loading.walls.plates)
 
 
 def page(case: RunCase, report: dict) -> str:
