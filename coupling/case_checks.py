@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from coupling.case_schema import EXPRESSION_NAMES, SECTIONS, RunCase
+from coupling.case_schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS, RunCase
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
@@ -22,7 +22,7 @@ def problems(run: RunCase) -> Iterator[Problem]:
     out_of_range = list(_ranges(run))
     yield from out_of_range
     if not out_of_range:
-        for check in (_geometry, _loading, _pressure, _intervals, _deck_variables):
+        for check in (_geometry, _loading, _flow, _pressure, _sample, _intervals, _deck_variables):
             yield from check(run)
 
 
@@ -87,6 +87,8 @@ def _geometry(run: RunCase) -> Iterator[Problem]:
     if run.estimated_grains > 2**31 - 1:
         yield "pack.diameter_m", f"the box would hold {run.estimated_grains:.3g} grains, more than the engine can number; choose larger grains"
         return
+    if not run.has_fault:
+        return
     length, _, height = run.pack.box_m
     width, dip = run.fault.gouge_width_m, math.radians(run.fault.dip_degrees)
     if width < 2.0 * largest:
@@ -111,18 +113,45 @@ def _geometry(run: RunCase) -> Iterator[Problem]:
 def _loading(run: RunCase) -> Iterator[Problem]:
     if run.bonds.strength_sd_Pa >= run.bonds.strength_mean_Pa:
         yield "bonds.strength_sd_Pa", f"must be below the mean strength, {run.bonds.strength_mean_Pa:g} Pa, or many bonds would have none"
-    rate = "supplement.ramp_time_s" if run.scene == "supplement" else "loading.strain_rate_per_s"
-    slower = "lengthen it" if run.scene == "supplement" else "lower it"
-    faster = "shorten it" if run.scene == "supplement" else "raise it"
+    rate = {"supplement": "supplement.ramp_time_s", "sample": "sample.loading_time_s"}.get(run.scene, "loading.strain_rate_per_s")
+    slower, faster = ("lower it", "raise it") if rate.endswith("rate_per_s") else ("lengthen it", "shorten it")
     if run.loading_steps < 10:
         yield rate, f"loading takes {run.loading_steps} steps of {run.time_step_s:.3g} s, too few to follow the grains; {slower}"
     if run.loading_steps > 2**31 - 1:
         yield rate, f"loading takes {run.loading_steps:.3g} steps of {run.time_step_s:.3g} s, more than the engine can count; {faster}"
 
 
+def _flow(run: RunCase) -> Iterator[Problem]:
+    if run.scene == "sample" and run.flow.kind == "prescribed":
+        yield "flow.kind", 'the scene "sample" has no fault to prescribe a pressure by: set "solve", or "none" for a dry run'
+    if run.scene != "sample" and run.flow.kind == "solve":
+        yield "flow.kind", f'the flow is solved in the scene "sample" only, and this is "{run.scene}": set "prescribed" or "none"'
+    for face, pressure in run.fluid.faces.items():
+        if face not in FACES:
+            yield "fluid.faces", f"{face} is no face; allowed are {', '.join(FACES)}"
+        elif not isinstance(pressure, int | float):
+            yield "fluid.faces", f"the pressure of {face} is a number of Pa, not {toml_text(pressure)}"
+
+
+def _sample(run: RunCase) -> Iterator[Problem]:
+    if run.scene != "sample":
+        return
+    stressed = False
+    for name, motion in run.sample.walls.items():
+        if name not in PACK:
+            yield "sample.walls", f"{name} is no wall; allowed are {', '.join(PACK)}"
+            continue
+        try:
+            stressed |= run.sample.motion(name)[0] == "stress"
+        except ValueError:
+            yield "sample.walls", f'{name} = {toml_text(motion)} is none of "fixed", "speed V" (m/s, into the box) and "stress S" (total, Pa)'
+    if stressed and run.sample.ramp_time_s > run.sample.loading_time_s:
+        yield "sample.ramp_time_s", f"must not be longer than sample.loading_time_s, {run.sample.loading_time_s:g}, or the stresses would not be reached"
+
+
 def _pressure(run: RunCase) -> Iterator[Problem]:
     pressure = run.pressure
-    if pressure.mode == "none":
+    if pressure.mode == "none" or run.scene == "sample":
         return
     if run.flow.kind == "none":
         yield "flow.kind", f'with "none" the pressure of mode "{pressure.mode}" would act on no grain; set flow.kind = "prescribed", or pressure.mode = "none" for a dry run'
@@ -205,7 +234,7 @@ def _intervals(run: RunCase) -> Iterator[Problem]:
 
 
 def _deck_variables(run: RunCase) -> Iterator[Problem]:
-    load_deck = "in.load_supplement" if run.scene == "supplement" else "in.load"
+    load_deck = "in.load" if run.scene == "two_sides" else f"in.load_{run.scene}"
     for section, deck in (("pack", "in.pack"), ("loading", load_deck)):
         if given := getattr(run, section).deck_variables:
             known = _variables_of_deck(Path(run.decks_directory), deck)

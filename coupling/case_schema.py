@@ -152,6 +152,45 @@ class Supplement:
 
 
 @dataclass(frozen=True)
+class Sample:
+    """Loads of the scene "sample": a box of grains between six walls."""
+
+    # Isotropic stress on the dry pack when loading begins.
+    initial_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
+    # What a wall does: "fixed", which those not named are; "speed V", into the box, m/s; or "stress S", total, Pa, held by servo. Walls:
+    # x_left, x_right, y_front, y_back, z_bottom, z_top.
+    walls: dict[str, float | int | str] = allowed({})
+    # Time in which the stresses of the walls go, linearly, from the initial stress to theirs: some times that of a wave through the box.
+    ramp_time_s: float = allowed(2e-5, above=0.0, at_most=1e6)
+    # Time from the start of loading to its end.
+    loading_time_s: float = allowed(1e-3, above=0.0, at_most=1e6)
+
+    def motion(self, wall: str) -> tuple[str, float]:
+        """What a wall does, "fixed", "speed" or "stress", and the number that goes with it; ValueError if its entry is none of them."""
+        kind, *rest = str(self.walls.get(wall, "fixed")).split() or [""]
+        if (kind, len(rest)) == ("fixed", 0):
+            return kind, 0.0
+        if kind not in ("speed", "stress") or len(rest) != 1 or not math.isfinite(float(rest[0])):
+            raise ValueError
+        return kind, float(rest[0])
+
+
+@dataclass(frozen=True)
+class Fluid:
+    """The pore fluid, for flow.kind = "solve"."""
+
+    # Viscosity and compressibility: of water at 20 degrees Celsius.
+    viscosity_Pa_s: float = allowed(1e-3, above=0.0, at_most=1e12)
+    compressibility_per_Pa: float = allowed(4.6e-10, above=0.0, at_most=1.0)
+    # "duct": (6) of the paper; "hydraulic-radius": Chareyre et al. (2012).
+    conductance: str = allowed("duct", choices=("duct", "hydraulic-radius"))
+    # Pressure in the pores when loading begins.
+    initial_pressure_Pa: float = allowed(0.0, at_least=-1e12, at_most=1e12)
+    # Pressures held at faces, Pa: xmin, xmax, ymin, ymax, zmin, zmax. A face that is not named lets nothing through.
+    faces: dict[str, float | int | str] = allowed({})
+
+
+@dataclass(frozen=True)
 class Pressure:
     """Pore pressure, prescribed: a function of position and horizontal strain."""
 
@@ -187,10 +226,14 @@ class Flow:
     """How the pore pressure becomes forces on the grains."""
 
     # "none": no pore forces, and no mesh is built. "prescribed": the pressure of [pressure] acts on the grains, which do not act back.
-    kind: str = allowed("prescribed", choices=("none", "prescribed"))
+    # "solve": the [fluid] flows through the pores, and the grains act back on it (scene "sample").
+    kind: str = allowed("prescribed", choices=("none", "prescribed", "solve"))
     # "total": pressure on the grains' surfaces and drag in the throats, the exact gradient of sum p V. "pressure": (2) of the paper alone.
     forces: str = allowed("total", choices=("total", "pressure"))
-    # Steps between two updates of the forces.
+    # With "solve", what the pressures do between two solves: "undrained": they answer every step of the grains as if no fluid passed any
+    # throat; "staggered": they stand still, which is stable only while the fluid is softer than the skeleton.
+    split: str = allowed("undrained", choices=("undrained", "staggered"))
+    # Steps between two updates of the forces; with "solve", between two solves of the flow.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
     # Which deck include adds the forces: "fast", the compiled fix, or "addforce", LIGGGHTS' own fix addforce with atom-style variables.
     pore_force: str = allowed("fast", choices=("fast", "addforce"))
@@ -215,12 +258,17 @@ SECTIONS = {
     "fault": Fault,
     "loading": Loading,
     "supplement": Supplement,
+    "sample": Sample,
+    "fluid": Fluid,
     "pressure": Pressure,
     "flow": Flow,
     "output": Output,
 }
-SCENES = ("two_sides", "supplement")
+SCENES = ("two_sides", "supplement", "sample")
 ENGINES = ("liggghts",)
+#: Faces of the box in the order that arrays of six have, and the walls of a pack and of a sample on them: ids of fixes in the decks.
+FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+PACK = ("x_left", "x_right", "y_front", "y_back", "z_bottom", "z_top")
 #: Decks of the engine. A case that wants others names a copy of this directory with changes in it: `decks_directory`.
 DECKS = REPOSITORY / "liggghts-inputs"
 
@@ -242,6 +290,8 @@ class RunCase:
     fault: Fault
     loading: Loading
     supplement: Supplement
+    sample: Sample
+    fluid: Fluid
     pressure: Pressure
     flow: Flow
     output: Output
@@ -283,6 +333,8 @@ class RunCase:
     @property
     def initial_stress_Pa(self) -> float:
         """Stress on the walls before loading, isotropic in the plane of the fault's normal."""
+        if self.scene == "sample":
+            return self.sample.initial_stress_Pa
         return self.supplement.normal_stress_Pa if self.scene == "supplement" else self.loading.vertical_stress_Pa
 
     @property
@@ -290,6 +342,8 @@ class RunCase:
         """Time from the start of loading to its end."""
         if self.scene == "supplement":
             return self.supplement.ramp_time_s + self.supplement.hold_time_s
+        if self.scene == "sample":
+            return self.sample.loading_time_s
         return self.loading.horizontal_strain / self.loading.strain_rate_per_s
 
     @property
@@ -309,9 +363,19 @@ class RunCase:
         return self.scene == "supplement"
 
     @property
+    def has_fault(self) -> bool:
+        """Whether the pack is divided into two blocks and the gouge between them."""
+        return self.scene != "sample"
+
+    @property
+    def bonded(self) -> bool:
+        """Whether the blocks are bonded."""
+        return self.bonds.enabled and self.has_fault
+
+    @property
     def needs_mesh(self) -> bool:
         """Whether any pore force acts, so that the pore network is needed at all."""
-        return self.flow.kind != "none" and self.pressure.mode != "none"
+        return self.flow.kind == "solve" or (self.flow.kind == "prescribed" and self.pressure.mode != "none")
 
     def _mass(self, radius_m: float) -> float:
         return self.pack.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3

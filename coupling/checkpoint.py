@@ -8,6 +8,8 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
+
 from coupling.case_schema import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
@@ -16,7 +18,7 @@ from coupling.errors import InputError
 FORMAT = 2
 PREFIX = "checkpoint-"
 PARTIAL_PREFIX = "partial-"
-ENGINE_FILE, STATE_FILE = "engine.restart", "state.json"
+ENGINE_FILE, STATE_FILE, FLOW_FILE = "engine.restart", "state.json", "flow.npz"
 #: Checkpoints kept besides the newest, against damage to it.
 KEPT_BEFORE = 1
 
@@ -27,8 +29,10 @@ def case_digest(case: RunCase) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def write(directory: Path, engine: Engine, comm, state: dict) -> None:
+def write(directory: Path, engine: Engine, comm, state: dict, arrays: dict[str, np.ndarray]) -> None:
     """Write a checkpoint of this step into ``directory``, then drop those that are no longer kept; collective.
+
+    arrays: of the flow, those of rank 0; no file is made where there are none.
 
     The new one is made under another name and renamed, so that a kill at any moment leaves the last whole one.
     """
@@ -45,10 +49,13 @@ def write(directory: Path, engine: Engine, comm, state: dict) -> None:
         if comm.rank == 0:
             restart = partial / ENGINE_FILE
             state = state | {"format": FORMAT, "engine_sha256": _digest(restart), "engine_bytes": restart.stat().st_size}
+            if arrays:
+                np.savez(partial / FLOW_FILE, **arrays)
+                state["flow_sha256"] = _digest(partial / FLOW_FILE)
             text = json.dumps(state, indent=2)
             # The digest of the state stands in its last line, so that a torn state file is told too.
             (partial / STATE_FILE).write_text(json.dumps({"state": state, "sha256": hashlib.sha256(text.encode()).hexdigest()}, indent=2))
-            for name in (ENGINE_FILE, STATE_FILE):
+            for name in (ENGINE_FILE, STATE_FILE, *([FLOW_FILE] if arrays else [])):
                 with open(partial / name, "rb") as file:
                     os.fsync(file.fileno())
             shutil.rmtree(final, ignore_errors=True)
@@ -102,7 +109,19 @@ def read(directory: Path, case: RunCase) -> tuple[Path, dict]:
         raise InputError(f"{restart} has {size} bytes instead of {state['engine_bytes']}: it is truncated or missing; {advice}")
     if _digest(restart) != state["engine_sha256"]:
         raise InputError(f"{restart} is damaged: its content is not what was written; {advice}")
+    flow = newest / FLOW_FILE
+    if "flow_sha256" in state and not (flow.is_file() and _digest(flow) == state["flow_sha256"]):
+        raise InputError(f"{flow} is missing or damaged: its content is not what was written; {advice}")
     return restart, state
+
+
+def flow_arrays(restart: Path) -> dict[str, np.ndarray]:
+    """The flow's arrays beside the engine's restart file of a checkpoint; empty where there are none."""
+    path = restart.with_name(FLOW_FILE)
+    if not path.is_file():
+        return {}
+    with np.load(path) as file:
+        return dict(file)
 
 
 def _digest(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from coupling.case_schema import RunCase
+from coupling.case_schema import PACK, RunCase
 from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
 from coupling.pack import exchange_step
 
@@ -21,12 +21,15 @@ LARGEST_MOVE_DIAMETERS = 0.01
 STRETCH_DEVIATIONS = 6.0
 #: In the supplement's scene the grains this close to an x wall carry the shear stress, in mean diameters.
 GRIP_DIAMETERS = 2.0
+#: Servo of the walls of a sample: part of the gap in stress that a step closes, for the fluid behind the wall adds its stiffness to
+#: that of the contacts; and the largest strain rate, 1/s.
+SERVO_GAIN, SERVO_STRAIN_RATE = 0.3, 100.0
 
 
 def common_variables(case: RunCase) -> dict[str, object]:
     """Contacts and time step, the same in every stage."""
     tangential = "history"
-    if case.bonds.enabled:
+    if case.bonded:
         tangential = f'"bond stretch_max {_stretch_limit(case):.6g}"'
     return {
         "inputs": Path(case.decks_directory),
@@ -36,7 +39,7 @@ def common_variables(case: RunCase) -> dict[str, object]:
         "gamman": case.normal_damping_per_s,
         "friction": case.material.friction,
         "tangential": tangential,
-        "bonded": int(case.bonds.enabled),
+        "bonded": int(case.bonded),
         "skin": SKIN_DIAMETERS * 2.0 * case.mean_radius_m,
         "time_step": case.time_step_s,
     }
@@ -74,6 +77,8 @@ def pack_variables(case: RunCase, grains: Path) -> dict[str, object]:
 
 def stress_variables(case: RunCase, before) -> dict[str, object]:
     """For in.stress: the parts of the fault in the box that the pack's walls make."""
+    if not case.has_fault:
+        return common_variables(case) | {"restart_in": before.restart, "initial_stress": case.initial_stress_Pa}
     fault = fault_geometry(case, before.manifest["walls"], case.pack.box_m[2])
     normal, half = fault.normal, 0.5 * fault.width
     left, right = fault.centre - half * normal, fault.centre + half * normal
@@ -114,7 +119,7 @@ def bond_variables(case: RunCase, before) -> dict[str, object]:
 
 
 def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[str, object]:
-    """For in.load and in.load_supplement."""
+    """For in.load, in.load_supplement and in.load_sample."""
     values = common_variables(case) | {
         "restart_in": restart,
         "local_damping": case.material.local_damping,
@@ -122,6 +127,8 @@ def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[s
     }
     if case.scene == "supplement":
         values |= _supplement_variables(case, fault) | {"normal_stress": case.supplement.normal_stress_Pa, "area_x": fault.x_wall_area}
+    elif case.scene == "sample":
+        values |= {"initial_stress": case.initial_stress_Pa, "ramp_time": case.sample.ramp_time_s} | wall_motions(case)
     else:
         values |= {
             "wall_speed": 0.5 * case.loading.strain_rate_per_s * (fault.upper[0] - fault.lower[0]),
@@ -136,6 +143,28 @@ def fault_geometry(case: RunCase, walls: dict[str, float], periodic_height: floa
     bottom, top = walls.get("z_bottom", 0.0), walls.get("z_top", periodic_height)
     lower, upper = (walls["x_left"], walls["y_front"], bottom), (walls["x_right"], walls["y_back"], top)
     return FaultGeometry(lower, upper, case.fault.dip_degrees, case.fault.gouge_width_m)
+
+
+def wall_motions(case: RunCase) -> dict[str, object]:
+    """What each wall of the scene "sample" does, for in.load_sample: a velocity of its position, or a servo and the stress it ends at."""
+    values: dict[str, object] = {}
+    for name in PACK:
+        kind, number = case.sample.motion(name)
+        inwards = 1.0 if PACK.index(name) % 2 == 0 else -1.0
+        values[f"stress_{name}"] = number if kind == "stress" else case.initial_stress_Pa
+        values[f"motion_{name}"] = f'"velocity {inwards * number if kind == "speed" else 0.0:.17g}"'
+        if kind == "stress":
+            limit = SERVO_STRAIN_RATE * max(case.pack.box_m)
+            values[f"motion_{name}"] = f'"servo stress v_wanted_{name} area v_area_{name[0]} gain {SERVO_GAIN:g} vmax {limit:.17g}"'
+    return values
+
+
+def loaded_areas(case: RunCase, fault: FaultGeometry) -> dict[str, float]:
+    """Area of each wall that bears the initial stress, m^2, by fix id."""
+    if not case.has_fault:
+        size = [top - bottom for bottom, top in zip(fault.lower, fault.upper)]
+        return {name: math.prod(size) / size["xyz".index(name[0])] for name in PACK}
+    return plate_areas(case, fault) | {"x_left": fault.x_wall_area, "x_right": fault.x_wall_area}
 
 
 def plate_areas(case: RunCase, fault: FaultGeometry) -> dict[str, float]:

@@ -20,7 +20,8 @@ from coupling.pore_pressure import PrescribedPressure
 from coupling.progress import Progress
 from coupling.report import write_report
 from coupling.run_options import RunOptions
-from coupling.walls import SceneWalls, wall_positions
+from coupling.sample_measures import SampleMeasures
+from coupling.walls import SceneWalls
 
 
 def run_case_file(case_file: CaseFile, options: RunOptions) -> int:
@@ -52,6 +53,7 @@ class Run:
     def __init__(self, case: RunCase, directory: Path, comm):
         self.case, self.directory, self.comm = case, directory, comm
         self.phases = Phases()
+        self._measures = Measures if case.has_fault else SampleMeasures
 
     def carry_out(self, restart: bool) -> Ending:
         """Run from the start, or from the newest checkpoint of the directory; collective."""
@@ -74,7 +76,7 @@ class Run:
 
         output = None
         with raised_together(comm):
-            output = RunOutput(self.directory, comm, state["tables"] if state else None)
+            output = RunOutput(self.directory, comm, self._measures.columns, state["tables"] if state else None)
         output.json("case.json", case.to_dict())
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
@@ -82,9 +84,12 @@ class Run:
             engine.deck(stages.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
-        flow = self._flow(engine, fault, walls)
-        measures = Measures(case, fault, walls, state["reference"])
-        measures.reset_rate(tuple(state["previous"]) if state["previous"] else None)
+        saved = None
+        with raised_together(comm):
+            saved = checkpoint.flow_arrays(stage.restart)
+        flow = self._flow(engine, fault, walls, saved)
+        measures = self._measures(case, fault, walls, state["reference"])
+        measures.resume(state["previous"])
         snapshots = self._snapshots(state["step"] if restart else None)
         loading = Loading(case, engine, comm, flow, walls, measures, output, snapshots, self.phases, state)
         progress = Progress(case.name, shown=comm.rank == 0)
@@ -101,22 +106,19 @@ class Run:
         # LIGGGHTS gives a new fix property/atom its default values in the first setup, not before.
         engine.run(0, setup=True)
         engine.property_atom("reference_position")[:] = engine.unwrapped_position()
-        positions = wall_positions(engine, walls.plates)
-        reference = {"length": positions["x_right"] - positions["x_left"]}
-        if walls.periodic_z:
-            reference["height"] = fault.upper[2] - fault.lower[2]
-        else:
-            sides = [positions[f"z_top_{side}"] - positions[f"z_bottom_{side}"] for side in ("left", "right")]
-            reference["height"] = 0.5 * sum(sides)
-        solid = self.comm.allreduce(fault.solid_fraction(engine.atom("x"), engine.atom("radius")))
-        reference["porosity_gouge"] = 1.0 - solid
+        reference = self._measures.reference(engine, self.comm, fault, walls)
         return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}}
 
-    def _flow(self, engine, fault, walls):
+    def _flow(self, engine, fault, walls, saved):
         from coupling import exchange
 
         if not self.case.needs_mesh:
-            return exchange.Dry()
+            return exchange.Dry(engine, self.phases)
+        if self.case.flow.kind == "solve":
+            # The flow solver loads PETSc.
+            from coupling.two_way_flow import TwoWayFlow
+
+            return TwoWayFlow(self.case, engine, self.comm, walls, fault.lower, fault.upper, self.phases, saved)
         pressure = PrescribedPressure(self.case, fault)
         return exchange.PrescribedFlow(self.case, engine, self.comm, walls, pressure, fault.lower, fault.upper, self.phases)
 

@@ -13,20 +13,57 @@ from coupling.pore_pressure import PrescribedPressure
 from coupling.walls import SceneWalls
 
 
-class PrescribedFlow:
+class Dry:
+    """No fluid: nothing is imported, allocated or computed. What a flow has to offer to the loop of a run."""
+
+    rebuilds = 0
+    momentum_residual = 0.0
+
+    def __init__(self, engine: Engine, phases: Phases):
+        self._engine, self._phases = engine, phases
+
+    def synchronise(self) -> None:
+        """Forget what a run that starts from this point's checkpoint does not know."""
+
+    def update(self, progress: float, strain: float, time: float) -> None:
+        """Take up where the grains are now, and set the fluid's forces on grains and walls; at the start of each interval."""
+
+    def advance(self, steps: int) -> None:
+        """Make steps of the engine."""
+        with self._phases.timed("engine"):
+            self._engine.run(steps, setup=False)
+
+    def figures(self, progress: float) -> dict[str, float]:
+        """What a line of the history holds of the fluid."""
+        return {"p_left_Pa": 0.0, "p_right_Pa": 0.0}
+
+    @property
+    def residuals(self) -> dict[str, float]:
+        """Balances that should close, and by how much they do not."""
+        return {"momentum_residual": self.momentum_residual}
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What a checkpoint has to hold of the fluid: arrays by name; those of rank 0 are written."""
+        return {}
+
+    def report(self) -> dict:
+        """The flow's own counts and times."""
+        return {}
+
+
+class PrescribedFlow(Dry):
     """One-way coupling: a prescribed pressure acts on the grains through the pore network's vector areas."""
 
     def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, pressure: PrescribedPressure, lower, upper, phases: Phases):
         # The network and its library are loaded only by a scene that has a pore pressure.
         from flowsolver.network import InputError, PoreNetwork
 
+        super().__init__(engine, phases)
         self._refused = InputError
-        self._engine, self._comm = engine, comm
-        self._walls, self._pressure, self._phases = walls, pressure, phases
+        self._comm, self._walls, self._pressure = comm, walls, pressure
         self._law = case.flow.forces
         self._network = PoreNetwork(comm, np.array(lower), np.array(upper), np.array([False, False, walls.periodic_z]))
         self._rebuild = False
-        self.momentum_residual = 0.0
 
     def synchronise(self) -> None:
         """Build the mesh anew at the next update, as a run that starts from this point's checkpoint does."""
@@ -64,9 +101,10 @@ class PrescribedFlow:
         if size > 0.0:
             self.momentum_residual = max(self.momentum_residual, float(np.linalg.norm(resultant) / size))
 
-    def block_pressures(self, progress: float) -> tuple[float, float]:
+    def figures(self, progress: float) -> dict[str, float]:
         """Pressures of the left and the right block, Pa."""
-        return self._pressure.in_blocks(progress)
+        left, right = self._pressure.in_blocks(progress)
+        return {"p_left_Pa": left, "p_right_Pa": right}
 
     @property
     def rebuilds(self) -> int:
@@ -76,22 +114,3 @@ class PrescribedFlow:
     def report(self) -> dict:
         """The network's own counts and times."""
         return self._network.report()
-
-
-class Dry:
-    """No fluid: nothing is imported, allocated or computed."""
-
-    rebuilds = 0
-    momentum_residual = 0.0
-
-    def synchronise(self) -> None:
-        pass
-
-    def update(self, progress: float, strain: float, time: float) -> None:
-        pass
-
-    def block_pressures(self, progress: float) -> tuple[float, float]:
-        return 0.0, 0.0
-
-    def report(self) -> dict:
-        return {}

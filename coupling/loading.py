@@ -12,6 +12,7 @@ from coupling.measures import Measures
 from coupling.output import RunOutput
 from coupling.phases import Phases
 from coupling.progress import Progress
+from coupling.sample_measures import SampleMeasures
 from coupling.signals import StopRequest
 from coupling.stages import load_deck_digest
 from coupling.walls import SceneWalls
@@ -32,7 +33,7 @@ class Loading:
     state: the driver's state as a checkpoint holds it. worst, last: largest values of the run so far, and the last line of its history.
     """
 
-    def __init__(self, case: RunCase, engine: Engine, comm, flow, walls: SceneWalls, measures: Measures, output: RunOutput,
+    def __init__(self, case: RunCase, engine: Engine, comm, flow, walls: SceneWalls, measures: Measures | SampleMeasures, output: RunOutput,
                  snapshots, phases: Phases, state: dict):  # fmt: skip
         self._case, self._engine, self._comm = case, engine, comm
         self._flow, self._measures, self._output, self._snapshots, self._phases = flow, measures, output, snapshots, phases
@@ -61,12 +62,11 @@ class Loading:
                 if engine.step % case.flow.interval_steps == 0:
                     self._exchange()
                 steps = self._next_event(engine.step) - engine.step
-                with self._phases.timed("engine"):
-                    engine.run(steps, setup=False)
+                self._flow.advance(steps)
                 ended = self._ending(stop)
                 if engine.step % every_history == 0 or engine.step >= self._steps or ended:
                     self._measure()
-                    progress.show(engine.step / self._steps, self._line())
+                    progress.show(engine.step / self._steps, self._measures.line(self.last))
                     ended = ended or self._ending(stop)
                 self._snapshot(last=ended is not None)
                 if every_checkpoint and engine.step % every_checkpoint == 0 and engine.step < self._steps:
@@ -85,23 +85,15 @@ class Loading:
             intervals.append(self._case.output.checkpoint_every_steps)
         return min(self._steps, *((step // n + 1) * n for n in intervals), *(s for s in self._snapshots.steps if s > step))
 
-    def _progress_of_ramp(self) -> float:
-        if self._case.scene == "supplement":
-            return min(1.0, self._time / self._case.supplement.ramp_time_s)
-        return min(1.0, self._strain / self._case.loading.horizontal_strain)
-
     @property
     def _time(self) -> float:
         return self._engine.step * self._engine.time_step
 
-    @property
-    def _strain(self) -> float:
-        """Horizontal strain, from the x walls, positive in compression."""
-        length = self._engine.wall("x_right").position - self._engine.wall("x_left").position
-        return 1.0 - length / self._reference["length"]
+    def _progress_of_ramp(self) -> float:
+        return self._measures.progress(self._engine, self._time)
 
     def _exchange(self) -> None:
-        self._flow.update(self._progress_of_ramp(), self._strain, self._time)
+        self._flow.update(self._progress_of_ramp(), self._measures.strain(self._engine), self._time)
 
     def _measure(self) -> None:
         with self._phases.timed("measures"):
@@ -109,22 +101,20 @@ class Loading:
             rows = [row for part in self._comm.allgather(breaks) for row in part]
             for broken in rows:
                 self._broken[0 if int(broken[3]) == 1 else 1] += 1
-            pressures = self._flow.block_pressures(self._progress_of_ramp())
-            row = self._measures.row(self._engine, self._comm, self._time, pressures, tuple(self._broken), self._rebuilds)
+            figures = self._flow.figures(self._progress_of_ramp()) | {
+                "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._rebuilds}  # fmt: skip
+            row = self._measures.row(self._engine, self._comm, self._time, figures)
         with self._phases.timed("output"), raised_together(self._comm):
             self._output.history(row)
-            self._output.breaks(rows, row["strain"])
+            self._output.breaks(rows, self._measures.strain(self._engine))
         self.last = row
-        self.worst["momentum_residual"] = max(self.worst.get("momentum_residual", 0.0), self._flow.momentum_residual)
-        for name in ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "kinetic_energy_J"):
-            self.worst[name] = max(self.worst.get(name, 0.0), row[name])
-        left, right = row["sigma_h_left_Pa"], row["sigma_h_right_Pa"]
-        self.worst["wall_stress_difference"] = max(self.worst.get("wall_stress_difference", 0.0), 2 * abs(left - right) / max(abs(left + right), 1e-300))
+        for name, value in (self._flow.residuals | self._measures.quality(row)).items():
+            self.worst[name] = max(self.worst.get(name, 0.0), value)
 
     def _snapshot(self, last: bool = False) -> None:
         if self._engine.step in self._snapshots.steps or (last and self._snapshots.steps):
             with self._phases.timed("output"):
-                self._snapshots.write(self._engine, self._strain)
+                self._snapshots.write(self._engine, self._measures.strain(self._engine))
 
     def _checkpoint(self) -> None:
         with self._phases.timed("output"):
@@ -142,7 +132,7 @@ class Loading:
                 "case_sha256": checkpoint.case_digest(self._case),
                 "tables": self._output.lengths(),
             }
-            checkpoint.write(self._output.directory, self._engine, self._comm, state)
+            checkpoint.write(self._output.directory, self._engine, self._comm, state, self._flow.state())
 
     @property
     def _rebuilds(self) -> int:
@@ -152,13 +142,5 @@ class Loading:
         received = stop.agreed(self._comm)
         if received:
             return Ending(f"stopped by signal {received} at step {self._engine.step}", complete=False, signal=received)
-        if self.last and self.last["vertical_strain"] >= self._case.loading.stop_vertical_strain and self._case.scene == "two_sides":
-            return Ending(f"the blocks part: vertical strain {self.last['vertical_strain']:.3g} reached loading.stop_vertical_strain", complete=True)
-        slip = max(abs(self.last.get("slip_left_m", 0.0)), abs(self.last.get("slip_right_m", 0.0))) if self.last else 0.0
-        if self._case.scene == "supplement" and slip >= self._case.supplement.stop_slip_m:
-            return Ending(f"the fault slips: {slip:.3g} m reached supplement.stop_slip_m", complete=True)
-        return None
-
-    def _line(self) -> str:
-        row = self.last
-        return f"strain {row['strain']:.2e}  sigma_n {row['sigma_n_Pa'] / 1e6:.1f} MPa  slip {1e6 * row['slip_left_m']:.0f} / {1e6 * row['slip_right_m']:.0f} um"
+        reason = self._measures.ending(self.last) if self.last else None
+        return Ending(reason, complete=True) if reason else None

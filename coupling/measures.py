@@ -9,7 +9,7 @@ import numpy as np
 from coupling.case_schema import RunCase
 from coupling.engine.interface import Engine
 from coupling.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry
-from coupling.walls import SceneWalls
+from coupling.walls import SceneWalls, wall_positions
 
 #: Width of the bands on either side of an interface whose mean displacements give its slip, in mean diameters.
 BAND_DIAMETERS = 1.5
@@ -29,6 +29,8 @@ class Measures:
     A grain's reference position travels with it in the deck's `fix reference_position`; only sums cross the ranks.
     """
 
+    columns = HISTORY_COLUMNS
+
     def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
         self._case = case
         self._fault = fault
@@ -37,13 +39,11 @@ class Measures:
         self._band = BAND_DIAMETERS * 2.0 * case.mean_radius_m
         self._previous: tuple[float, float] | None = None
 
-    def row(self, engine: Engine, comm, time: float, pressures: tuple[float, float], broken: tuple[int, int], rebuilds: int) -> dict[str, float]:
-        """One line of the history, the same on all ranks; keys are HISTORY_COLUMNS."""
-        row: dict[str, float] = {"step": engine.step, "time_s": time, "p_left_Pa": pressures[0], "p_right_Pa": pressures[1]}
+    def row(self, engine: Engine, comm, time: float, figures: dict[str, float]) -> dict[str, float]:
+        """One line of the history, the same on all ranks; keys are HISTORY_COLUMNS. figures: those of the flow and of the bonds."""
+        row: dict[str, float] = {"step": engine.step, "time_s": time} | figures
         row |= self._stresses(engine)
         row |= self._grains(engine, comm)
-        row["bonds_broken_tension"], row["bonds_broken_shear"] = broken
-        row["mesh_rebuilds"] = rebuilds
         row["vertical_strain_rate_per_s"] = self._rate(time, row["vertical_strain"])
         mean_stress = 0.5 * (abs(row["sigma_h_left_Pa"] + row["sigma_h_right_Pa"]) / 2 + abs(row["sigma_v_Pa"]))
         rate = max(abs(self._case.loading.strain_rate_per_s), abs(row["vertical_strain_rate_per_s"]))
@@ -51,9 +51,53 @@ class Measures:
         row["inertial_number"] = rate * 2 * self._case.mean_radius_m * math.sqrt(self._case.pack.density_kg_m3 / max(mean_stress, 1.0))
         return {name: row[name] for name in HISTORY_COLUMNS}
 
-    def reset_rate(self, previous: tuple[float, float] | None) -> None:
+    @staticmethod
+    def reference(engine: Engine, comm, fault: FaultGeometry, walls: SceneWalls) -> dict[str, float]:
+        """What later strains refer to: length and height of the box, m, and porosity of the gouge."""
+        positions = wall_positions(engine, walls.plates)
+        reference = {"length": positions["x_right"] - positions["x_left"]}
+        if walls.periodic_z:
+            reference["height"] = fault.upper[2] - fault.lower[2]
+        else:
+            sides = [positions[f"z_top_{side}"] - positions[f"z_bottom_{side}"] for side in ("left", "right")]
+            reference["height"] = 0.5 * sum(sides)
+        solid = comm.allreduce(fault.solid_fraction(engine.atom("x"), engine.atom("radius")))
+        reference["porosity_gouge"] = 1.0 - solid
+        return reference
+
+    def resume(self, previous: list[float] | None) -> None:
         """Continue the vertical strain rate from (time, vertical strain) of the line before a checkpoint."""
-        self._previous = previous
+        self._previous = (previous[0], previous[1]) if previous else None
+
+    def strain(self, engine: Engine) -> float:
+        """Horizontal strain, from the x walls, positive in compression."""
+        length = engine.wall("x_right").position - engine.wall("x_left").position
+        return 1.0 - length / self._reference["length"]
+
+    def progress(self, engine: Engine, time: float) -> float:
+        """How far the ramp of the pressures has gone, 0 to 1."""
+        if self._case.scene == "supplement":
+            return min(1.0, time / self._case.supplement.ramp_time_s)
+        return min(1.0, self.strain(engine) / self._case.loading.horizontal_strain)
+
+    def quality(self, row: dict[str, float]) -> dict[str, float]:
+        """Figures of a line whose largest values tell how nearly static the run was."""
+        left, right = row["sigma_h_left_Pa"], row["sigma_h_right_Pa"]
+        names = ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "kinetic_energy_J")
+        return {name: row[name] for name in names} | {"wall_stress_difference": 2 * abs(left - right) / max(abs(left + right), 1e-300)}
+
+    def ending(self, row: dict[str, float]) -> str | None:
+        """Why the run is over after this line; None if it is not."""
+        if self._case.scene == "two_sides" and row["vertical_strain"] >= self._case.loading.stop_vertical_strain:
+            return f"the blocks part: vertical strain {row['vertical_strain']:.3g} reached loading.stop_vertical_strain"
+        slip = max(abs(row["slip_left_m"]), abs(row["slip_right_m"]))
+        if self._case.scene == "supplement" and slip >= self._case.supplement.stop_slip_m:
+            return f"the fault slips: {slip:.3g} m reached supplement.stop_slip_m"
+        return None
+
+    def line(self, row: dict[str, float]) -> str:
+        """What the progress line tells."""
+        return f"strain {row['strain']:.2e}  sigma_n {row['sigma_n_Pa'] / 1e6:.1f} MPa  slip {1e6 * row['slip_left_m']:.0f} / {1e6 * row['slip_right_m']:.0f} um"
 
     @property
     def previous(self) -> tuple[float, float] | None:

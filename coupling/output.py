@@ -13,7 +13,6 @@ import numpy as np
 
 from coupling import checkpoint
 from coupling.errors import InputError
-from coupling.measures import HISTORY_COLUMNS
 
 BOND_COLUMNS = ("step", "strain", "id_i", "id_j", "mode", "x_m", "y_m", "z_m", "force_normal_N", "force_shear_N", "energy_J")
 BREAK_MODES = {1: "tension", 2: "shear"}
@@ -32,11 +31,12 @@ def write_atomically(path: Path, text: str) -> None:
 class RunOutput:
     """The files of one run. Only rank 0 writes; calls are made on all ranks.
 
+    columns: those of history.csv.
     resume: byte lengths of the tables at the checkpoint that the run continues from; lines past them are cut off.
     """
 
-    def __init__(self, directory: Path, comm, resume: dict[str, int] | None = None):
-        self.directory = directory
+    def __init__(self, directory: Path, comm, columns: tuple[str, ...], resume: dict[str, int] | None = None):
+        self.directory, self._columns = directory, columns
         self._writes = comm.rank == 0
         self._tables: dict[str, io.TextIOWrapper] = {}
         if not self._writes:
@@ -50,7 +50,7 @@ class RunOutput:
             if not path.is_file() or path.stat().st_size < length:
                 raise InputError(
                     f"{path} is shorter than when the checkpoint was written ({length} bytes); put the file back, or run the case from its start")
-        for name, columns in (("history.csv", HISTORY_COLUMNS), ("bonds.csv", BOND_COLUMNS)):
+        for name, columns in (("history.csv", columns), ("bonds.csv", BOND_COLUMNS)):
             path = directory / name
             if resume is not None:
                 os.truncate(path, resume[name])
@@ -73,7 +73,7 @@ class RunOutput:
     def history(self, row: dict[str, float]) -> None:
         """Append a line to history.csv."""
         if self._writes:
-            self._append("history.csv", [[_number(row[name]) for name in HISTORY_COLUMNS]])
+            self._append("history.csv", [[_number(row[name]) for name in self._columns]])
 
     def breaks(self, rows: np.ndarray, strain: float) -> None:
         """Append broken bonds, (n, 10) float64: step, id_i, id_j, mode, x, y, z, F_n, F_s, energy."""

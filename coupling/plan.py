@@ -10,6 +10,8 @@ GRAIN_STEPS_PER_S = 4.0e6
 ENGINE_BYTES_PER_GRAIN = 6.0e3
 NETWORK_BYTES_PER_GRAIN = 4.0e3
 UPDATE_S_PER_GRAIN = 1.0e-6
+#: Two-way coupling: the pressures' answer to a step, and a solve of the flow.
+RESPONSE_S_PER_GRAIN, SOLVE_S_PER_GRAIN = 1.2e-6, 1.0e-5
 PACKING_STEPS = 15_000
 
 
@@ -35,8 +37,9 @@ def plan(case_file: CaseFile, ranks: int) -> str:
 
 
 def _run_plan(run: RunCase) -> list[str]:
-    bonds = "contact bonds in the blocks" if run.bonds.enabled else "no bonds"
-    flow = f"{run.pressure.mode} pressure, {run.flow.forces} forces, every {run.flow.interval_steps} steps" if run.needs_mesh else "dry"
+    bonds = "contact bonds in the blocks" if run.bonded else "no bonds"
+    pressure = f"{run.pressure.mode} pressure" if run.flow.kind == "prescribed" else f"two-way flow ({run.flow.split})"
+    flow = f"{pressure}, {run.flow.forces} forces, every {run.flow.interval_steps} steps" if run.needs_mesh else "dry"
     return [
         f"  {run.name}: scene {run.scene}, about {run.estimated_grains} grains, {bonds}, {flow}",
         f"    k_n {run.normal_stiffness_N_per_m:.4g} N/m ({run.material.stiffness_reading}), step {run.time_step_s:.3g} s, {run.loading_steps} steps",
@@ -47,6 +50,8 @@ def _loading_seconds(run: RunCase) -> float:
     seconds = run.loading_steps * run.estimated_grains / GRAIN_STEPS_PER_S
     if run.needs_mesh:
         seconds += run.loading_steps / run.flow.interval_steps * run.estimated_grains * UPDATE_S_PER_GRAIN
+    if run.flow.kind == "solve":
+        seconds += run.loading_steps * run.estimated_grains * (RESPONSE_S_PER_GRAIN + SOLVE_S_PER_GRAIN / run.flow.interval_steps)
     return seconds
 
 

@@ -17,7 +17,7 @@ from coupling import __version__
 from coupling.balance import settle
 from coupling.case_schema import RunCase
 from coupling.collective import raised_together
-from coupling.deck_variables import bond_variables, fault_geometry, pack_variables, plate_areas, stress_variables
+from coupling.deck_variables import bond_variables, fault_geometry, loaded_areas, pack_variables, stress_variables
 from coupling.engine.interface import Engine
 from coupling.errors import InputError
 from coupling.pack import write_grains
@@ -54,7 +54,7 @@ def cache_directory() -> Path:
 def prepare(case: RunCase, comm, open_engine: Callable[[Path], Engine], tell: Callable[[str], None]) -> Stage:
     """State from which the case is loaded: from the cache where its decks and inputs are the same, else made now; collective."""
     makers = [("pack", "in.pack", _make_pack), ("stress", _scene_deck("stress", case), _make_stress)]
-    if case.bonds.enabled:
+    if case.bonded:
         makers.append(("bond", "in.bond", _make_bonds))
     stage: Stage | None = None
     for name, deck, make in makers:
@@ -143,7 +143,7 @@ def _key(name: str, deck: Path, case: RunCase, before: Stage | None) -> str:
         "decks": _texts([deck, deck.with_name(RELEASE_DECK)] if name == "pack" else [deck]),
         "scene": case.scene,
         "pack": case.to_dict()["pack"],
-        "bonded": case.bonds.enabled,
+        "bonded": case.bonded,
     }
     if name == "pack":
         content["sources"] = {source: (Path(__file__).parent / source).read_text() for source in PACK_SOURCES}
@@ -190,8 +190,7 @@ def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, befo
 def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, before: Stage, tell) -> dict:
     engine.deck(deck, stress_variables(case, before), before.manifest["grains"])
     packed = before.manifest["walls"]
-    fault = fault_geometry(case, packed, case.pack.box_m[2])
-    areas = plate_areas(case, fault) | {"x_left": fault.x_wall_area, "x_right": fault.x_wall_area}
+    areas = loaded_areas(case, fault_geometry(case, packed, case.pack.box_m[2]))
     targets = {name: case.initial_stress_Pa * area for name, area in areas.items()}
     settle(engine, comm, "initial stress", lambda: targets, balanced=BALANCED, tolerance=WALL_TOLERANCE)
     return before.manifest | {"walls": wall_positions(engine, SCENE_WALLS[case.scene]), "geometry": packed}

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coupling.case_schema import PACK
 from coupling.engine.interface import Engine, WallState
 from coupling.fault_geometry import GOUGE, LEFT, RIGHT
 
-#: Order of the faces in arrays of six.
-FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
 GROUPS = (LEFT, GOUGE, RIGHT)
 
 #: Fix ids of the decks, with the face that each stands on and the parts of the pack that it bears.
@@ -19,9 +18,9 @@ TWO_SIDES = {
     "z_bottom_left": (4, (LEFT,)), "z_top_left": (5, (LEFT,)), "z_bottom_right": (4, (RIGHT,)), "z_top_right": (5, (RIGHT,)),
     "z_bottom_gouge": (4, (GOUGE,)), "z_top_gouge": (5, (GOUGE,)),
 }  # fmt: skip
-PACK = ("x_left", "x_right", "y_front", "y_back", "z_bottom", "z_top")
 SUPPLEMENT = {name: TWO_SIDES[name] for name in ("x_left", "x_right", "y_front", "y_back")}
-SCENE_WALLS = {"two_sides": TWO_SIDES, "supplement": SUPPLEMENT}
+SAMPLE = {name: (face, GROUPS) for face, name in enumerate(PACK)}
+SCENE_WALLS = {"two_sides": TWO_SIDES, "supplement": SUPPLEMENT, "sample": SAMPLE}
 
 
 @dataclass(frozen=True)

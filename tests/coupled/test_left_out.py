@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from processes import environment, run_process
+from sample_runs import SQUEEZE
 from tiny_fault import settings
 
 PROBE = """
@@ -64,6 +65,18 @@ def test_a_prescribed_pressure_loads_no_petsc(probe):
 def test_only_a_formula_loads_numexpr(probe):
     modules, _, _ = probe("pressure.mode=expression", "pressure.expression=1e6 * (s < 0)", run="wet")
     assert "numexpr" in modules
+
+
+@pytest.mark.parametrize(("kind", "solved"), [("none", False), ("solve", True)])
+def test_only_a_solved_flow_loads_petsc(tmp_path, stage_cache, kind, solved):
+    path, found = tmp_path / "squeeze.toml", tmp_path / "found.json"
+    path.write_text(SQUEEZE)
+    inputs = settings(f"flow.kind={kind}", "sample.loading_time_s=2e-6")
+    done = run_process([sys.executable, "-c", PROBE, found, "run", path, "--out", tmp_path, *inputs], 120.0, tmp_path, environment(PORESLIP_CACHE=str(stage_cache)))
+    assert done.returncode == 0, done.stderr
+    loaded = json.loads(found.read_text())
+    assert ("flowsolver.flow" in loaded["modules"]) == ("petsc" in " ".join(loaded["mapped"]).lower()) == solved
+    assert ("flowsolver" in loaded["modules"]) == solved
 
 
 def test_snapshots_load_meshio(probe):

@@ -21,9 +21,9 @@ def written(directory: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("path", sorted(CASES.glob("*/*.toml")), ids=lambda path: path.stem)
-def test_the_cases_of_the_repository_are_the_papers_five(path: Path) -> None:
-    case_file = load_case(path)
+@pytest.mark.parametrize("name", ["two_sides/full", "two_sides/quick", "two_sides/literal_stiffness", "supplement/supplement"])
+def test_the_cases_of_a_fault_are_the_papers_five(name: str) -> None:
+    case_file = load_case(CASES / f"{name}.toml")
     targets = {run.name: (run.pressure.left_target_Pa, run.pressure.right_target_Pa) for run in case_file.runs if run.needs_mesh}
     assert targets == {"case1": (2.5e7, 2.5e7), "case2": (2.5e7, 0.0), "case3": (0.0, 2.5e7), "case4": (1.25e7, 1.25e7)}
     assert [run.name for run in case_file.runs if not run.needs_mesh] == ["case5"]

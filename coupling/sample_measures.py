@@ -1,0 +1,95 @@
+"""What a line of the history holds in the scene "sample": strains, stresses and pore pressures of a box of grains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coupling.balance import unbalanced_force_ratio
+from coupling.case_schema import FACES, PACK, RunCase
+from coupling.engine.interface import Engine
+from coupling.fault_geometry import FaultGeometry
+from coupling.walls import SceneWalls, wall_positions
+
+SAMPLE_COLUMNS = (
+    "step", "time_s", "strain_x", "strain_y", "strain_z", "sigma_x_Pa", "sigma_y_Pa", "sigma_z_Pa",
+    "contact_stress_x_Pa", "contact_stress_y_Pa", "contact_stress_z_Pa", "pressure_mean_Pa", "pressure_min_Pa", "pressure_max_Pa",
+    *(f"outflow_{face}_m3_per_s" for face in FACES), "porosity", "coordination", "contact_force_mean_N", "contact_force_max_N",
+    "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds", "overlap_max_over_d",
+)  # fmt: skip
+
+
+class SampleMeasures:
+    """Measures of a sample, against its state when loading began. Strains are positive in compression; `sigma` is the total stress,
+    the mean of both walls of a pair, and `contact_stress` the grains' part of it."""
+
+    columns = SAMPLE_COLUMNS
+    #: Nothing is carried from one line to the next.
+    previous = None
+
+    def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
+        self._case, self._walls, self._reference = case, walls, reference
+
+    def resume(self, previous: None) -> None:
+        """Nothing is carried over from the line before a checkpoint."""
+
+    @staticmethod
+    def reference(engine: Engine, comm, fault: FaultGeometry, walls: SceneWalls) -> dict[str, float]:
+        """Sizes of the box along x, y, z, m, and volume of the grains, m^3."""
+        solid = comm.allreduce(float((4.0 / 3.0 * np.pi * engine.atom("radius") ** 3).sum()))
+        return dict(zip(("length", "depth", "height"), _size(engine).tolist())) | {"solid_volume": solid}
+
+    def row(self, engine: Engine, comm, time: float, figures: dict[str, float]) -> dict[str, float]:
+        """One line of the history, the same on all ranks; keys are SAMPLE_COLUMNS. figures: those of the flow."""
+        from mpi4py import MPI
+
+        state, size = self._walls.states(engine), _size(engine)
+        areas = size.prod() / size
+        contact = np.array([state[name].contact_force for name in PACK]).reshape(3, 2).mean(axis=1)
+        fluid = np.array([state[name].fluid_force for name in PACK]).reshape(3, 2).mean(axis=1)
+        strain = 1.0 - size / np.array([self._reference[name] for name in ("length", "depth", "height")])
+        contacts, velocity = engine.contacts(), engine.atom("v")
+        force = np.hypot(contacts.normal_force, np.linalg.norm(contacts.shear_force, axis=1))
+        kinetic, total, count = comm.allreduce(np.array([0.5 * float(engine.atom("rmass") @ (velocity**2).sum(axis=1)), force.sum(), len(force)]))
+        largest = np.array([force.max(initial=0.0), contacts.overlap.max(initial=0.0)])
+        comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+        row = dict.fromkeys(SAMPLE_COLUMNS, 0.0) | figures | {"step": engine.step, "time_s": time}
+        for axis, name in enumerate("xyz"):
+            row[f"strain_{name}"] = strain[axis]
+            row[f"contact_stress_{name}_Pa"] = contact[axis] / areas[axis]
+            row[f"sigma_{name}_Pa"] = (contact[axis] + fluid[axis]) / areas[axis]
+        row |= {
+            "porosity": 1.0 - self._reference["solid_volume"] / size.prod(),
+            "coordination": 2.0 * count / engine.total_grains,
+            "contact_force_mean_N": total / max(count, 1.0),
+            "contact_force_max_N": largest[0],
+            "unbalanced_force_ratio": unbalanced_force_ratio(engine, comm),
+            "kinetic_energy_J": kinetic,
+            "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
+        }
+        return {name: row[name] for name in SAMPLE_COLUMNS}
+
+    def strain(self, engine: Engine) -> float:
+        """Strain along z, positive in compression."""
+        return float(1.0 - _size(engine)[2] / self._reference["height"])
+
+    def progress(self, engine: Engine, time: float) -> float:
+        """How far loading has gone, 0 to 1."""
+        return time / self._case.sample.loading_time_s
+
+    def quality(self, row: dict[str, float]) -> dict[str, float]:
+        """Figures of a line whose largest values tell how nearly static the run was."""
+        return {name: row[name] for name in ("unbalanced_force_ratio", "overlap_max_over_d", "kinetic_energy_J")}
+
+    def ending(self, row: dict[str, float]) -> str | None:
+        """A sample is loaded to its end."""
+        return None
+
+    def line(self, row: dict[str, float]) -> str:
+        """What the progress line tells."""
+        return f"strain z {row['strain_z']:.3e}  sigma z {row['sigma_z_Pa'] / 1e6:.2f} MPa  mean pressure {row['pressure_mean_Pa'] / 1e6:.3g} MPa"
+
+
+def _size(engine: Engine) -> np.ndarray:
+    """Sides of the box, (3,) m."""
+    at = wall_positions(engine, PACK)
+    return np.array([at[high] - at[low] for low, high in zip(PACK[0::2], PACK[1::2])])

@@ -1,0 +1,242 @@
+"""Two-way coupling: the fluid flows through the pores of the moving pack, its pressure pushes grains and walls, and they squeeze it.
+
+Imported only by a run with flow.kind = "solve": it loads PETSc. Within an interval the pore network stands where it was at the
+interval's start. Before each step of the engine the grains' displacements in that step are already known, for it is velocity Verlet:
+dt (v + dt f / 2 m). So the pressures at its end are known too, and the forces are those of the place that the grains come to, as contact
+forces are. The walls' displacements follow one step later. The solve at the interval's end takes up all that was swept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from flowsolver.flow import Boundary, FlowResult, PoreFlow
+from flowsolver.network import ComputationError as FlowFailed
+from flowsolver.network import InputError as FlowRefused
+from flowsolver.network import PoreNetwork
+from flowsolver.transfer import carry_pressure
+from flowsolver.two_way import TwoWayCoupling
+
+from coupling.case_schema import FACES, RunCase
+from coupling.engine.interface import Engine
+from coupling.errors import ComputationError
+from coupling.exchange import Dry
+from coupling.grain_order import rearranged
+from coupling.phases import Phases
+from coupling.walls import SceneWalls
+
+#: Names of flow.split as the flow solver has them.
+SPLITS = {"undrained": "undrained", "staggered": "drained"}
+#: Of the linear solver, relative: with it the balance of mass closes to 1e-10 of the throughput of an interval in which grains move.
+SOLVER_TOLERANCE = 1e-12
+
+
+class TwoWayFlow(Dry):
+    """A fluid that is coupled both ways with the grains; methods are collective.
+
+    saved: arrays of `state` from a checkpoint, or none of them at the start.
+    """
+
+    def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, lower, upper, phases: Phases, saved: dict[str, np.ndarray]):
+        super().__init__(engine, phases)
+        self._comm, self._walls, self._fluid, self._saved = comm, walls, case.fluid, saved
+        self._split, self._law = SPLITS[case.flow.split], case.flow.forces
+        self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
+        self._network = PoreNetwork(comm, np.array(lower), np.array(upper))
+        self._network.remember_previous()
+        self._boundary = Boundary(pressure={face: float(pressure) for face, pressure in case.fluid.faces.items()})
+        self._flow: PoreFlow | None = None
+        self._pressure = np.zeros(0)
+        self._wall_position = saved["wall_position"] if saved else self._walls.positions(self._walls.states(engine))
+        self._result: FlowResult | None = None
+        self._work = np.zeros(3)
+        self._worst = {"momentum_residual": 0.0, "work_residual": 0.0, "mass_residual": 0.0, "remesh_mass_residual": 0.0}
+
+    # -- one interval ---------------------------------------------------------------------------------------------------
+
+    def update(self, progress: float, strain: float, time: float) -> None:
+        """Take up where the grains are now, with the pressures carried over, and set the forces of these pressures."""
+        with self._failures_told():
+            self._take_up()
+            self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE)
+            self._set_forces()
+            self._measure_momentum()
+
+    def advance(self, steps: int) -> None:
+        """Make steps of the engine, and let the fluid flow where an interval ends."""
+        with self._failures_told():
+            for _ in range(steps):
+                with self._phases.timed("pressure"):
+                    self._move()
+                with self._phases.timed("engine"):
+                    self._engine.run(1, setup=False)
+            if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
+                with self._phases.timed("flow"):
+                    self._exchange()
+
+    def _move(self) -> None:
+        """The pressures' answer to the grains' coming step, and the work that goes with it."""
+        engine, dt = self._engine, self._engine.time_step
+        displacement = dt * (engine.atom("v") + 0.5 * dt * engine.atom("f") / engine.atom("rmass")[:, None])
+        displacement = rearranged(self._comm, engine.atom("id"), displacement, self._id)
+        position = self._walls.positions(self._walls.states(engine))
+        moved = (position - self._wall_position) * np.tile([-1.0, 1.0], 3)
+        self._wall_position = position
+
+        force, wall_force, pressure = self._force, self._wall_force, self._coupling.pressure
+        swept = self._network.volume_rate(displacement / dt, moved / dt) * dt
+        self._coupling.move(displacement / dt, dt, moved / dt)
+        if self._split == "undrained":
+            self._set_forces()
+        # Verlet gives the grains the mean of the forces at both ends of the step.
+        on_grains = 0.5 * ((force + self._force) * displacement).sum(axis=1)
+        on_walls = 0.5 * (wall_force + self._wall_force) * moved if self._comm.rank == 0 else np.zeros(1)
+        owned = self._network.owned
+        by_fluid = 0.5 * ((pressure + self._coupling.pressure) * swept)[owned]
+        self._work += on_grains.sum() + on_walls.sum(), by_fluid.sum(), np.abs(on_grains).sum() + np.abs(on_walls).sum()
+
+    def _exchange(self) -> None:
+        """End the interval: the fluid flows, and the balances of work and mass are drawn up."""
+        on_grains, by_fluid, size = self._comm.allreduce(self._work)
+        self._work[:] = 0.0
+        if size > 0.0 and self._law == "total":
+            self._keep_worst("work_residual", abs(on_grains - by_fluid) / size)
+        self._result = self._coupling.exchange()
+        self._pressure = self._coupling.pressure
+        self._keep_worst("mass_residual", self._result.mass_residual)
+
+    def _set_forces(self) -> None:
+        """Set the forces of the present pressures on the engine's grains and walls."""
+        self._force, self._wall_force = self._coupling.forces(self._law)
+        self._engine.property_atom("pore_force")[:] = rearranged(self._comm, self._id, self._force, self._engine.atom("id"))
+        self._walls.set_fluid_forces(self._engine, self._wall_force)
+
+    # -- the mesh ---------------------------------------------------------------------------------------------------------
+
+    def _take_up(self, rebuild: bool = False) -> None:
+        """Move the network to where grains and walls are, and the pressures with it."""
+        engine, network = self._engine, self._network
+        pores_before = network.pores if self._flow else 0
+        with self._phases.timed("tessellation"):
+            self._id = engine.atom("id").copy()
+            outcome = network.update(
+                self._id, engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
+                group=engine.atom("type") - np.int32(1), rebuild=rebuild)
+        with self._phases.timed("flow"):
+            if self._flow is None:
+                self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)
+                self._pressure = self._restored() if self._saved else np.full(network.pores, self._fluid.initial_pressure_Pa)
+                return
+            if outcome != "kept":
+                before = self._pressure
+                self._pressure = carry_pressure(network, before, pores_before)
+                self._measure_carried(before)
+            self._flow.refresh()
+
+    def _measure_carried(self, before: np.ndarray) -> None:
+        """Fluid gained in a change of mesh, sum of V p, as a share of sum of V |p|."""
+        _, volume, index = self._network.native.previous()
+        held = self._network.pore_volume * self._pressure
+        owned = self._network.owned
+        after, former, size = self._comm.allreduce(np.array([held[owned].sum(), volume @ before[index], np.abs(held[owned]).sum()]))
+        if size > 0.0:
+            self._keep_worst("remesh_mass_residual", abs(after - former) / size)
+
+    def _measure_momentum(self) -> None:
+        """Resultant of the fluid's forces on all grains and walls, over the sum of their sizes; the law (2) alone has no such balance."""
+        if self._law != "total":
+            return
+        sums = self._comm.allreduce(np.append(self._force.sum(axis=0), np.linalg.norm(self._force, axis=1).sum()))
+        resultant = sums[:3] + (self._wall_force[:, 1::2] - self._wall_force[:, 0::2]).sum(axis=0)
+        size = sums[3] + np.abs(self._wall_force).sum()
+        if size > 0.0:
+            self._keep_worst("momentum_residual", float(np.linalg.norm(resultant) / size))
+
+    # -- checkpoints ------------------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Pressures by the ids of each pore's grains, on a mesh made anew here, as the run that starts from the checkpoint makes it."""
+        with self._failures_told():
+            self._take_up()
+            self._take_up(rebuild=True)
+        owned = self._network.owned
+        parts = self._comm.gather((np.sort(self._network.grains_of_pore[owned], axis=1), self._pressure[owned]))
+        if parts is None:
+            return {}
+        grains, pressure = (np.concatenate(column) for column in zip(*parts))
+        return {"grains_of_pore": grains, "pressure": pressure, "wall_position": self._wall_position}
+
+    def _restored(self) -> np.ndarray:
+        """(m,) Pa: the checkpoint's pressures on the present mesh."""
+        wanted = np.sort(self._network.grains_of_pore, axis=1)
+        saved = self._saved["grains_of_pore"]
+        _, place = np.unique(np.concatenate([saved, wanted]), axis=0, return_inverse=True)
+        place = place.ravel()
+        value = np.full(place.max() + 1, np.nan)
+        value[place[: len(saved)]] = self._saved["pressure"]
+        pressure = value[place[len(saved) :]]
+        missing = self._comm.allreduce(int(np.isnan(pressure).sum()))
+        if missing:
+            raise ComputationError(f"{missing} pores of the mesh at step {self._engine.step} are not in the checkpoint: run the case from its start")
+        return pressure
+
+    # -- what is told -----------------------------------------------------------------------------------------------------
+
+    @property
+    def rebuilds(self) -> int:
+        """How often the mesh was built."""
+        return int(self._network.report()["rebuilt"])
+
+    @property
+    def residuals(self) -> dict[str, float]:
+        """Balances of momentum; of work and mass over the worst interval; of mass in the worst change of mesh."""
+        return dict(self._worst)
+
+    def figures(self, progress: float) -> dict[str, float]:
+        """Mean pressure over the pores' volumes, the extremes, Pa, and what left through each face in the last interval, m^3/s."""
+        from mpi4py import MPI
+
+        owned = self._network.owned
+        volume, pressure = self._network.pore_volume[owned], self._pressure[owned]
+        held, void = self._comm.allreduce(np.array([volume @ pressure, volume.sum()]))
+        lowest = self._comm.allreduce(float(pressure.min(initial=np.inf)), op=MPI.MIN)
+        highest = self._comm.allreduce(float(pressure.max(initial=-np.inf)), op=MPI.MAX)
+        outflow = self._result.outflow if self._result else {}
+        figures = {"pressure_mean_Pa": held / void, "pressure_min_Pa": lowest, "pressure_max_Pa": highest}
+        return figures | {f"outflow_{face}_m3_per_s": outflow.get(face, 0.0) for face in FACES}
+
+    def report(self) -> dict:
+        """Counts and times of network and solver; permeability along the driven axis where two opposite faces have pressures."""
+        report = dict(self._network.report())
+        if self._result:
+            report["solver"] = dict(self._result.report)
+            report["outflow_m3_per_s"] = dict(self._result.outflow)
+        given = self._boundary.pressure
+        for axis in range(3):
+            low, high = FACES[2 * axis : 2 * axis + 2]
+            if self._result and set(given) == {low, high} and given[low] != given[high]:
+                size = self._wall_position[0, 1::2] - self._wall_position[0, 0::2]
+                velocity = 0.5 * (self._result.outflow[high] - self._result.outflow[low]) / (size.prod() / size[axis])
+                permeability = self._fluid.viscosity_Pa_s * velocity * size[axis] / (given[low] - given[high])
+                void = self._comm.allreduce(float(self._network.pore_volume[self._network.owned].sum()))
+                storage = self._fluid.compressibility_per_Pa * void / size.prod()
+                report["permeability_m2"] = permeability
+                # t_p of the paper's Discussion: pressure diffuses through the box.
+                report["pressure_diffusion_time_s"] = size[axis] ** 2 * self._fluid.viscosity_Pa_s * storage / permeability
+        return report
+
+    def _keep_worst(self, name: str, value: float) -> None:
+        self._worst[name] = max(self._worst[name], float(value))
+
+    @contextmanager
+    def _failures_told(self) -> Iterator[None]:
+        """Errors of the flow solver as those of a computation: the case was good when loading began."""
+        try:
+            yield
+        except (FlowRefused, FlowFailed) as error:
+            hint = "" if self._split == "undrained" else (
+                '\n  With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten '
+                "flow.interval_steps")  # fmt: skip
+            raise ComputationError(f"the flow cannot be computed at step {self._engine.step}: {error}{hint}") from None

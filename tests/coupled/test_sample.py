@@ -1,0 +1,126 @@
+"""Two-way coupling against what is known: permeability, undrained loading, consolidation; 1177 grains, ten across the box."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sample_runs import CASES, Result, terzaghi
+from tiny_fault import settings
+
+STRESS_STEP = 1e6
+#: Faster than the case file's, with T_v up to 0.75 in 1600 steps.
+QUICK = ("fluid.viscosity_Pa_s=5.0", "sample.loading_time_s=1.1e-4", "loading.time_step_fraction=0.35", "flow.interval_steps=5")
+
+
+@pytest.fixture(scope="module")
+def run(poreslip, stage_cache, tmp_path_factory):
+    """`run(case, name, *overrides, ranks=1)`: carry out one run of a case file; each only once."""
+    done: dict = {}
+
+    def carry_out(case: str, name: str, *overrides: str, ranks: int = 1) -> Result:
+        key = (case, name, overrides, ranks)
+        if key not in done:
+            out = tmp_path_factory.mktemp("sample")
+            command = ["run", CASES / case / f"{case}.toml", "--only", name, "--out", out, *settings(*overrides)]
+            ended = poreslip(*command, ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)})
+            assert ended.returncode == 0, ended.stderr
+            done[key] = Result(out / case / name)
+        return done[key]
+
+    return carry_out
+
+
+def permeability(run) -> float:
+    return run("darcy", "run").report["pore_network_by_rank"][0]["permeability_m2"]
+
+
+def oedometric_modulus(run) -> float:
+    last = run("undrained", "uniaxial_dry").report["last"]
+    assert last["strain_x"] == last["strain_y"] == 0.0
+    return STRESS_STEP / last["strain_z"]
+
+
+def storage(result: Result) -> float:
+    """Porosity times compressibility, 1/Pa."""
+    return result.history["porosity"][0] * result.case["fluid"]["compressibility_per_Pa"]
+
+
+def assert_balanced(result: Result) -> None:
+    report = result.report
+    assert 0.0 <= report["work_residual"] < 1e-10
+    assert report["momentum_residual"] < 1e-10
+    assert report["mass_residual"] < 1e-8
+    assert report["remesh_mass_residual"] < 1e-12
+
+
+def test_permeability(run):
+    result = run("darcy", "run")
+    last = result.history
+    # Steady: what comes in goes out, but for 40 diffusion times' worth of grains that still settle.
+    assert last["outflow_zmin_m3_per_s"][-1] == pytest.approx(-last["outflow_zmax_m3_per_s"][-1], rel=1e-5)
+    # 1.0e-9 m^2 at porosity 0.35 (the paper), by Kozeny and Carman at that of this pack's inside; more at the looser walls.
+    inside = result.report["pack"]["porosity_bulk"]
+    expected = 1.0e-9 * (inside / 0.35) ** 3 * (0.65 / (1 - inside)) ** 2
+    assert permeability(run) == pytest.approx(expected, rel=0.15)
+    assert_balanced(result)
+    assert 1e-8 < result.report["pore_network_by_rank"][0]["pressure_diffusion_time_s"] < 1e-6
+
+
+def test_uniaxial_undrained_loading(run):
+    result = run("undrained", "uniaxial")
+    share = result.report["last"]["pressure_mean_Pa"] / STRESS_STEP
+    # The rest of the waves and the uneven pack leave 0.3 per cent.
+    assert share == pytest.approx(1 / (1 + storage(result) * oedometric_modulus(run)), rel=0.01)
+    assert_balanced(result)
+
+
+def test_skempton(run):
+    result, dry = run("undrained", "isotropic"), run("undrained", "isotropic_dry").report["last"]
+    bulk_modulus = STRESS_STEP / sum(dry[f"strain_{axis}"] for axis in "xyz")
+    share = result.report["last"]["pressure_mean_Pa"] / STRESS_STEP
+    assert share == pytest.approx(1 / (1 + storage(result) * bulk_modulus), rel=0.01)
+    assert_balanced(result)
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
+def test_terzaghi(run, ranks):
+    result = run("consolidation", "two_way", *QUICK, ranks=ranks)
+    history, sample, stiffness = result.history, result.case["sample"], oedometric_modulus(run)
+    height = result.report["reference"]["height"]
+    diffusivity = permeability(run) / result.case["fluid"]["viscosity_Pa_s"] / (1 / stiffness + storage(result))
+    # The load rises linearly: by linearity the mean of sudden loads at all times of the rise.
+    since = history["time_s"][:, None] - sample["ramp_time_s"] * (np.arange(40) + 0.5) / 40
+    borne = (since > 0).mean(axis=1)
+    analytic = np.mean([terzaghi(diffusivity * time / height**2) for time in since.T], axis=0)
+    at_once, finally_ = STRESS_STEP / (stiffness + 1 / storage(result)), STRESS_STEP / stiffness
+    settled = (history["strain_z"] - at_once * borne) / (finally_ - at_once)
+    drained = borne - history["pressure_mean_Pa"] * (1 + storage(result) * stiffness) / STRESS_STEP
+    later = history["time_s"] > sample["ramp_time_s"]
+    # The pores at the drained top are a twentieth of the height thick and have its pressure from the start, grains ten across the
+    # box are no continuum, and waves of the load are still about: measured 0.020 and 0.009, 0.052 and 0.019.
+    assert np.abs(settled - analytic)[later].max() < 0.03
+    assert np.sqrt(((settled - analytic)[later] ** 2).mean()) < 0.013
+    assert np.abs(drained - analytic)[later].max() < 0.075
+    assert np.sqrt(((drained - analytic)[later] ** 2).mean()) < 0.03
+    assert analytic[-1] > 0.75
+    # The servo holds the total stress: the grains take over what the fluid loses.
+    np.testing.assert_allclose(history["sigma_z_Pa"][later], 1.1e7, rtol=5e-3)
+    assert_balanced(result)
+
+
+def test_a_staggered_soft_fluid_gives_the_same(run):
+    """A gas: the fluid's stiffness is a hundredth of the skeleton's, and either split is stable."""
+    soft = ("fluid.compressibility_per_Pa=1e-8", "sample.loading_time_s=4e-5")
+    undrained = run("undrained", "uniaxial", *soft).history["pressure_mean_Pa"]
+    staggered = run("undrained", "uniaxial", *soft, 'flow.split="staggered"').history["pressure_mean_Pa"]
+    # The staggered forces are on average half an interval late.
+    np.testing.assert_allclose(staggered[-5:], undrained[-5:], rtol=0.02)
+
+
+def test_a_staggered_stiff_fluid_is_told(poreslip, stage_cache, tmp_path):
+    """A fluid of 2.5 times the skeleton's stiffness, and forces that stand still for 40 steps: the grains are thrown about."""
+    case, inputs = CASES / "consolidation" / "consolidation.toml", settings("flow.split=staggered", "flow.interval_steps=40")
+    command = ["run", case, "--only", "two_way", "--out", tmp_path, *inputs]
+    ended = poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
+    assert ended.returncode == 3, ended.stderr
+    assert "stiffer than the skeleton" in ended.stderr or "grains were lost" in ended.stderr

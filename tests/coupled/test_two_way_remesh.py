@@ -1,0 +1,67 @@
+"""A pack that is squeezed so far that its mesh changes all the time: balances, ranks, and going on from a checkpoint."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+from sample_runs import SQUEEZE, Result
+from tiny_fault import settings
+
+
+@pytest.fixture
+def squeeze(poreslip, stage_cache, tmp_path):
+    """`squeeze(*overrides, ranks=1, out="out")`: the squeezed pack."""
+    path = tmp_path / "squeeze.toml"
+    path.write_text(SQUEEZE)
+
+    def run(*overrides: str, ranks: int = 1, out: str = "out") -> Result:
+        done = poreslip("run", path, "--out", tmp_path / out, *settings(*overrides), ranks=ranks, env={"PORESLIP_CACHE": str(stage_cache)})
+        assert done.returncode == 0, done.stderr
+        return Result(tmp_path / out / "squeeze" / "run")
+
+    return run
+
+
+@pytest.mark.parametrize("split", ["undrained", "staggered"])
+def test_work_and_mass_close(squeeze, split):
+    # Soft enough for either split.
+    report = squeeze(f"flow.split={split}", "fluid.compressibility_per_Pa=1e-8").report
+    network = report["pore_network_by_rank"][0]
+    assert network["repaired"] + network["rebuilt"] > 30
+    assert report["work_residual"] < 1e-10
+    assert report["mass_residual"] < 1e-8
+    assert report["remesh_mass_residual"] < 1e-12
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_same_on_any_number_of_ranks(squeeze, ranks):
+    one, several = squeeze(out="one").history, squeeze(out="several", ranks=ranks).history
+    # On several ranks a mesh is made anew, not repaired.
+    for name in set(one) - {"mesh_rebuilds"}:
+        np.testing.assert_allclose(several[name], one[name], rtol=0, atol=1e-7 * np.abs(one[name]).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
+def test_goes_on_from_a_checkpoint(squeeze, poreslip, ranks):
+    result = squeeze(ranks=ranks)
+    before = result.history
+    assert [path.name for path in result.directory.glob("checkpoint-*")] == ["checkpoint-000000000400"]
+    done = poreslip("run", "--restart", result.directory, ranks=ranks, env={"PORESLIP_CACHE": "/dev/null"})
+    assert done.returncode == 0, done.stderr
+    # The linear solver starts anew: the same to its tolerance. A mesh made at the checkpoint may count twice in the run that wrote it.
+    for name, values in result.history.items():
+        if name == "mesh_rebuilds":
+            continue
+        np.testing.assert_allclose(values, before[name], rtol=0, atol=1e-8 * np.abs(before[name]).max(), err_msg=name)
+
+
+def test_a_damaged_checkpoint_is_told(squeeze, poreslip, tmp_path):
+    result = squeeze()
+    shutil.copytree(result.directory, tmp_path / "copy" / "squeeze" / "run")
+    (tmp_path / "copy" / "squeeze" / "run" / "checkpoint-000000000400" / "flow.npz").write_bytes(b"torn")
+    done = poreslip("run", "--restart", tmp_path / "copy" / "squeeze" / "run")
+    assert done.returncode == 2
+    assert "flow.npz is missing or damaged" in done.stderr

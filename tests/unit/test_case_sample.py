@@ -1,0 +1,78 @@
+"""Case files of the scene "sample": what its walls and faces may be told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from coupling.case import load_case
+from coupling.case_schema import Sample
+from coupling.deck_variables import load_variables
+from coupling.errors import InputError
+
+CASES = Path(__file__).resolve().parents[2] / "cases"
+TEXT = 'scene = "sample"\nflow.kind = "solve"\n'
+
+
+def loaded(directory: Path, *overrides: str):
+    path = directory / "box.toml"
+    path.write_text(TEXT)
+    (run,) = load_case(path, overrides).runs
+    return run
+
+
+def test_the_cases_of_the_repository() -> None:
+    runs = {f"{name}/{run.name}": run for name in ("darcy", "consolidation", "undrained") for run in load_case(CASES / name / f"{name}.toml").runs}
+    assert {key for key, run in runs.items() if run.needs_mesh} == {"darcy/run", "consolidation/two_way", "undrained/uniaxial", "undrained/isotropic"}
+    assert not any(run.bonded or run.has_fault for run in runs.values())
+
+
+def test_motions_of_walls(tmp_path: Path) -> None:
+    run = loaded(tmp_path, 'sample.walls={ x_left = "speed 0.5", x_right = "speed 0.5", z_top = "stress 2e7" }')
+    values = load_variables(run, tmp_path, None)
+    # Into the box: upwards at a low wall, downwards at a high one.
+    assert values["motion_x_left"] == '"velocity 0.5"'
+    assert values["motion_x_right"] == '"velocity -0.5"'
+    assert values["motion_y_front"] == '"velocity 0"'
+    assert values["motion_z_top"].startswith('"servo stress v_wanted_z_top area v_area_z ')
+    assert (values["stress_z_top"], values["stress_z_bottom"]) == (2e7, 1e7)
+
+
+@pytest.mark.parametrize("text", ["", "fixed 1", "speed", "speed fast", "speed nan", "stress 1 2", "force 3"])
+def test_other_motions_are_refused(text: str) -> None:
+    with pytest.raises(ValueError):
+        Sample(walls={"z_top": text}).motion("z_top")
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ('flow.kind="prescribed"', 'set "solve", or "none"'),
+        ('sample.walls={ z_low = "fixed" }', "z_low is no wall; allowed are x_left"),
+        ('sample.walls={ z_top = "push 3" }', 'none of "fixed", "speed V"'),
+        ("sample.walls={ z_top = 3.0 }", 'none of "fixed", "speed V"'),
+        ("fluid.faces={ top = 0.0 }", "top is no face; allowed are xmin"),
+        ('fluid.faces={ zmax = "open" }', "the pressure of zmax is a number"),
+        ("fluid.compressibility_per_Pa=0", "above 0"),
+        ("fluid.viscosity_Pa_s=-1", "above 0"),
+        ('flow.split="drained"', '"undrained", "staggered"'),
+        ("sample.loading_time_s=1e-9", "too few to follow the grains; lengthen it"),
+        ("output.history_interval_steps=70", "multiple of flow.interval_steps"),
+    ],
+)
+def test_bad_inputs(tmp_path: Path, override: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        loaded(tmp_path, override)
+    assert told in str(refused.value)
+
+
+def test_a_ramp_that_does_not_end(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="must not be longer than sample.loading_time_s"):
+        loaded(tmp_path, "sample.ramp_time_s=1", 'sample.walls={ z_top = "stress 2e7" }')
+    loaded(tmp_path, "sample.ramp_time_s=1")
+
+
+def test_a_fault_has_no_solved_flow(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='the flow is solved in the scene "sample" only'):
+        load_case(CASES / "two_sides" / "quick.toml", ["flow.kind=solve"])
