@@ -27,6 +27,11 @@ class StopRequest:
             signal.raise_signal(number)
         self._signal = number
 
+    def leave_if_received(self) -> None:
+        """End the program if a signal came, by way of the blocks that clean up; exit status 128 + signal."""
+        if self._signal:
+            raise SystemExit(128 + self._signal)
+
     def agreed(self, comm) -> int:
         """The signal that any rank received, 0 for none; collective."""
         from mpi4py import MPI

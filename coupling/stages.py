@@ -22,6 +22,7 @@ from coupling.engine.interface import Engine
 from coupling.errors import InputError
 from coupling.pack import write_grains
 from coupling.packing import RELEASE_DECK, Packing
+from coupling.signals import StopRequest
 from coupling.walls import SCENE_WALLS, wall_positions
 
 RESTART, MANIFEST = "engine.restart", "manifest.json"
@@ -89,10 +90,12 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
             work = _working_directory(name)
     work = Path(comm.bcast(work))
     try:
-        engine = open_engine(work / "log.liggghts")
-        manifest = make(case, engine, comm, deck, work, before, tell)
-        engine.write_restart(work / RESTART)
-        engine.close()
+        with StopRequest() as stop:
+            engine = open_engine(work / "log.liggghts")
+            engine.between_commands = stop.leave_if_received
+            manifest = make(case, engine, comm, deck, work, before, tell)
+            engine.write_restart(work / RESTART)
+            engine.close()
         comm.Barrier()
         with raised_together(comm):
             if comm.rank == 0:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
@@ -70,6 +70,8 @@ class LiggghtsEngine:
         self._message = ctypes.create_string_buffer(MESSAGE_BYTES)
         self._lmp = ctypes.c_void_p()
         self._expected_grains: int | None = None
+        #: Called after every command that succeeded; it may raise.
+        self.between_commands: Callable[[], None] = _nothing
         self._deck: Path | None = None
         self._deck_has_run = False
         self._contact_rows = np.empty((0, CONTACT_COLUMNS))
@@ -115,6 +117,7 @@ class LiggghtsEngine:
         with _silent() if silent else nullcontext():
             status = function(*arguments, self._message, MESSAGE_BYTES)
         if status == 0:
+            self.between_commands()
             return
         self._lmp = ctypes.c_void_p()
         text = f"LIGGGHTS: {self._message.value.decode(errors='replace')}"
@@ -229,6 +232,10 @@ class LiggghtsEngine:
         if self._lmp:
             self._guarded(self._library.poreslip_engine_close, self._lmp)
             self._lmp = ctypes.c_void_p()
+
+
+def _nothing() -> None:
+    """Nothing to look at between commands."""
 
 
 def _deck_value(name: str, value: object) -> str:

@@ -147,7 +147,7 @@ def test_interrupted_while_packing(tiny_case, tmp_path, poreslip):
         status, errors = run.ended()
     finally:
         run.end()
-    assert status == 130 and "Traceback" not in errors
+    assert status == 130 and "Traceback" not in errors, errors
     assert list(cache.iterdir()) == []
     assert poreslip("run", tiny_case, "--only", "dry", "--out", tmp_path / "out", env={"PORESLIP_CACHE": str(cache)}).returncode == 0
 
