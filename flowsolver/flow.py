@@ -37,14 +37,17 @@ class Boundary:
         Face ("xmin" ... "zmax") to pressure in Pa, or to a function of pore centres (k, 3) in m that returns (k,) Pa: the pores
         that touch that wall have this pressure.
     inflow
-        Face to Darcy velocity into the box, m/s, spread over the wall.
+        Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
     points
         (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
+    sources
+        (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
     """
 
     pressure: Mapping[str, PressureValue] = field(default_factory=dict)
-    inflow: Mapping[str, float] = field(default_factory=dict)
+    inflow: Mapping[str, PressureValue] = field(default_factory=dict)
     points: Sequence[tuple[float, float, float, float]] = ()
+    sources: Sequence[tuple[float, float, float, float]] = ()
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class FlowResult:
     """One solve.
 
     pressure : (m,) float64, Pa, of all pores that this rank sees
-    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for the points
+    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together
     mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput; None for `explicit`
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
         substeps, and this rank's seconds {assemble, setup, solve}
@@ -212,11 +215,12 @@ class PoreFlow:
                 faults.append(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
             elif network.periodic[FACES.index(face) // 2]:
                 faults.append(f"face {face!r} is periodic: it takes neither pressure nor inflow")
-        for face, value in boundary.inflow.items():
+        for face in boundary.inflow:
             if face in boundary.pressure:
                 faults.append(f"face {face!r} has both a pressure and an inflow")
-            if not np.isfinite(value):
-                faults.append(f"the inflow of face {face!r} is {value!r}: expected a finite number in m/s")
+        for point in [*boundary.points, *boundary.sources]:
+            if not np.isfinite(point).all():
+                faults.append(f"the point {tuple(point)} is not of finite numbers")
         network.agree(faults)
 
         owner = np.full(m, -1)
@@ -227,29 +231,47 @@ class PoreFlow:
             given = value(centre[touching]) if callable(value) else value
             start[touching] = given
             owner[touching] = index
-        for point in boundary.points:
-            distance = np.where(network.owned, np.linalg.norm(centre - np.array(point[:3]), axis=1), np.inf) if m else np.array([np.inf])
-            nearest, rank = network.comm.allreduce((float(distance.min()), network.comm.rank), op=MPI.MINLOC)
-            nearest_id = network.comm.bcast(tuple(vertices[distance.argmin()]) if rank == network.comm.rank else None, root=rank)
-            holds = (vertices == np.array(nearest_id)).all(axis=1) | (np.sort(vertices, axis=1) == np.sort(nearest_id)).all(axis=1)
-            start[holds] = point[3]
+        for *point, value in boundary.points:
+            holds = self._nearest(point, centre, vertices)
+            start[holds] = value
             owner[holds] = len(boundary.pressure)
         if not np.isfinite(start).all():
             faults.append("a given pressure is not a finite number")
         network.agree(faults)
-        for face, velocity in boundary.inflow.items():
-            source += velocity * network.roof_area(face)
+        for face, value in boundary.inflow.items():
+            source += (flow := self._through(face, value, centre))
+            if not np.isfinite(flow).all():
+                faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
+        for *point, flow in boundary.sources:
+            source[self._nearest(point, centre, vertices)] += flow
+        network.agree(faults)
         return owner >= 0, owner, start, before, source, rate
+
+    def _nearest(self, point: Sequence[float], centre: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(m,) bool: the pore whose centre is nearest to a point (3,) m, with its copies. Collective."""
+        comm = self.network.comm
+        distance = np.where(self.network.owned, np.linalg.norm(centre - np.array(point), axis=1), np.inf) if len(centre) else np.array([np.inf])
+        nearest, rank = comm.allreduce((float(distance.min()), comm.rank), op=MPI.MINLOC)
+        grains = comm.bcast(np.sort(vertices[distance.argmin()]) if rank == comm.rank else None, root=rank)
+        return (np.sort(vertices, axis=1) == grains).all(axis=1)
+
+    def _through(self, face: str, value: PressureValue, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m,) m^3/s: into each pore through a face with a given inflow, m/s."""
+        area = self.network.roof_area(face)
+        # The function is one of places at that wall.
+        touching = area != 0.0
+        flow = np.zeros(len(area))
+        flow[touching] = area[touching] * (value(centre[touching]) if callable(value) else value)
+        return flow
 
     def _outflow(self, boundary: Boundary, owner: NDArray[np.int_], supply: NDArray[np.float64]) -> dict[str, float]:
         """Flow out of the box, m^3/s, by face and over all ranks."""
-        names = [*boundary.pressure, *(["points"] if boundary.points else [])]
-        owned = self.network.owned
-        sums = np.array([-supply[owned & (owner == k)].sum() for k in range(len(names))])
+        names = [*boundary.pressure, *(["points"] if boundary.points else []), *boundary.inflow]
+        owned, centre = self.network.owned, self.network.pore_centre if boundary.inflow else None
+        given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
+        sums = np.array([*given, *(-self._through(face, value, centre)[owned].sum() for face, value in boundary.inflow.items())])
         self.network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
-        for face, velocity in boundary.inflow.items():
-            area = np.array([self.network.roof_area(face)[owned].sum()])
-            self.network.comm.Allreduce(MPI.IN_PLACE, area)
-            outflow[face] = -velocity * float(area[0])
+        if boundary.sources:
+            outflow["points"] = outflow.get("points", 0.0) - float(sum(source[3] for source in boundary.sources))
         return outflow

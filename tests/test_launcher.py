@@ -63,6 +63,13 @@ def test_set_up_is_done_once_and_followed_by_rebuilds(stand_in: Path, tmp_path: 
     assert (second.returncode, second.stderr) == (0, "")
     assert took < 2.0  # 0.1 s on an idle machine
 
+    command = tmp_path / "poreslip-link"
+    command.symlink_to(stand_in / ".venv" / "bin" / "poreslip")
+    assert launch(command, "--version", cwd=elsewhere).stdout == f"poreslip {__version__}\n"
+    flow = launch(stand_in / ".venv" / "bin" / "poreflow", cwd=elsewhere)
+    # The stand-in holds no flow solver.
+    assert flow.returncode == 1 and "No module named flowsolver" in flow.stderr
+
     (stand_in / "source").write_text("second")
     third = launch(link, "info", cwd=elsewhere)
     assert "building the compiled parts" in third.stderr and "environment" not in third.stderr

@@ -223,7 +223,8 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
     clock = MPI_Wtime();
     const bool kept = !preconditioner_stale_;
     // Below the rounding of its own terms a residual means nothing. A preconditioner that serves no longer gets little time.
-    check(KSPSetTolerances(solver_, relative_tolerance, rounding * std::sqrt(net[2]), PETSC_DEFAULT,
+    // The start may be far off a small right side, as where given pressures drop to 0: that is no divergence.
+    check(KSPSetTolerances(solver_, relative_tolerance, rounding * std::sqrt(net[2]), PETSC_MAX_REAL,
                            kept ? std::min(most_iterations_, 3 * iterations_at_setup_ + 20) : most_iterations_));
     check(KSPSetReusePreconditioner(solver_, kept ? PETSC_TRUE : PETSC_FALSE));
     check(KSPSetUp(solver_));

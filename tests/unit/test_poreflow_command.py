@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -13,6 +14,10 @@ from flowsolver.command_line import main
 
 BOX = ["--box", "0", "1", "0", "1", "0", "1"]
 DRIVEN = ["--face", "ymin=1", "--face", "ymax=0", "--viscosity", "10"]
+KEYS = [
+    "grains", "pores", "throats", "porosity", "permeability", "outflow", "mass_residual", "momentum_residual", "limited_pores", "limited_throats",
+    "iterations", "ksp_reason", "seconds", "peak_memory_bytes", "ranks",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +40,7 @@ def test_steady_report(pack, tmp_path):
     assert (report["grains"], report["pores"], report["throats"]) == (1000, 5579, 11154)
     assert report["porosity"] == pytest.approx(0.3643280438, abs=1e-9)
     assert report["permeability"] == pytest.approx(10 * report["outflow"]["ymax"], rel=1e-9)
+    assert list(report) == KEYS
     assert report["mass_residual"] < 1e-10 and report["momentum_residual"] < 1e-10
     assert set(report["seconds"]) == {"tessellate", "geometry", "assemble", "setup", "solve", "forces", "total"}
     forces = np.load(tmp_path / "forces.npz")
@@ -86,6 +92,55 @@ def test_reads_a_dump(pack, tmp_path):
     assert report_of(tmp_path, dump, *DRIVEN)["permeability"] == pytest.approx(report_of(tmp_path, pack, *BOX, *DRIVEN)["permeability"], rel=1e-9)
 
 
+def history_of(path: Path) -> dict[str, np.ndarray]:
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def test_fourier_decay_from_the_command_line(pack, tmp_path):
+    """A periodic box, from a cosine along z: each step of backward Euler divides its amplitude by 1 + k (2 pi)^2 dt / (viscosity phi beta)."""
+    box = [pack, *BOX, "--periodic", "xyz"]
+    permeability = report_of(tmp_path, *box, "--body-force", "0", "0", "1", "--viscosity", "1e-3")["permeability"]
+    report = report_of(tmp_path, *box, "--dt", "5e-10", "--steps", "4", "--initial", f"5 + 3 * cos({2 * np.pi!r} * z)", "--history", tmp_path / "h.csv")
+    history = history_of(tmp_path / "h.csv")
+    rate = permeability * (2 * np.pi) ** 2 / (1e-3 * report["porosity"] * 4.5e-10)
+    np.testing.assert_allclose(history["time"], 5e-10 * np.arange(5))
+    # A wave of ten grains' length in an uneven pack.
+    assert 1 / history["amplitude"][1] - 1 == pytest.approx(rate * 5e-10, rel=0.1)
+    assert (np.diff(history["amplitude"]) < 0).all()
+    np.testing.assert_allclose(history["pressure_mean"], history["pressure_mean"][0], rtol=1e-8)
+    assert (np.diff(history["pressure_max"]) < 0).all()
+
+
+def test_pressures_by_place_and_time(pack, tmp_path):
+    """A linear pressure on all walls returns; a pressure that rises with time is that of the step's end."""
+    linear = [part for face in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax") for part in ("--face", f"{face}=1e5 * (t < 3) * z")]
+    report_of(tmp_path, pack, *BOX, *linear, "--dt", "1", "--steps", "3", "--history", tmp_path / "h.csv")
+    history = history_of(tmp_path / "h.csv")
+    assert history["pressure_max"][0] == 0.0
+    assert history["pressure_mean"][1] == pytest.approx(5e4, rel=0.02) and history["pressure_mean"][2] == pytest.approx(history["pressure_mean"][1], rel=1e-6)
+    assert abs(history["pressure_max"][3]) < 1e-3
+
+
+def test_what_enters_at_a_point_leaves(pack, tmp_path):
+    report = report_of(tmp_path, pack, *BOX, "--face", "zmax=0", "--source", "0.5", "0.5", "0.5", "2e-6", "--inflow", "xmin=1e-6 * (y < 0.5)")
+    half = report["outflow"]["xmin"]
+    assert half == pytest.approx(-0.5e-6, rel=0.2) and report["outflow"]["points"] == -2e-6
+    assert report["outflow"]["zmax"] == pytest.approx(2e-6 - half, rel=1e-8)
+    given = report_of(tmp_path, pack, *BOX, "--face", "zmax=0", "--point", "0.5", "0.5", "0.5", "1e3")["outflow"]
+    assert given["zmax"] == pytest.approx(-given["points"], rel=1e-8) and given["zmax"] > 0
+
+
+def test_petsc_takes_its_own_options(pack, tmp_path, capfd):
+    report_of(tmp_path, pack, *BOX, *DRIVEN)
+    report = tmp_path / "jacobi.json"
+    assert main([str(pack), *BOX, *DRIVEN, "--json", str(report), "-flow_pc_type", "jacobi", "-flow_ksp_converged_reason"]) == 0
+    assert "converged due to CONVERGED_RTOL" in capfd.readouterr().out
+    assert json.loads(report.read_text())["iterations"] > 60
+    assert main([str(pack), *BOX, *DRIVEN, "--json", str(report), "-flow_pc_type", "hypre"]) == 0
+
+
 REFUSED = {
     "no file": (["/no/such/pack", *BOX], "cannot read /no/such/pack"),
     "no box": (["PACK"], "give --box"),
@@ -103,17 +158,59 @@ REFUSED = {
     "small box": (["PACK", "--box", "0", "1", "0", "0.5", "0", "1", *DRIVEN], "outside the box"),
     "flat box": (["PACK", "--box", "0", "1", "0", "0", "0", "1", *DRIVEN], "is not a box"),
     "unknown option": (["PACK", *BOX, "--fast"], "unrecognized arguments: --fast"),
+    "nan place": (["NAN", *BOX, *DRIVEN], "grain 7 has position .*nan"),
+    "infinite place": (["INFINITE", *BOX, *DRIVEN], "grain 7 has position .*inf"),
+    "zero radius": (["ZERO", *BOX, *DRIVEN], "grain 7 has radius 0"),
+    "negative radius": (["NEGATIVE", *BOX, *DRIVEN], "grain 7 has radius -"),
+    "duplicate grain": (["TWICE", *BOX, *DRIVEN], "grains (7 and 400|400 and 7) have the same centre"),
+    "nothing drives": (["PACK", *BOX], "nothing drives a steady flow"),
+    "other name": (["PACK", *BOX, "--face", "xmin=1e5*q"], "may name only x, y, z and t, not q"),
+    "no formula": (["PACK", *BOX, "--face", "xmin=1e5*"], "neither a number nor a formula"),
+    "infinite initial": (["PACK", *BOX, *DRIVEN, "--dt", "1", "--initial", "1/(z-z)"], "--initial does not yield a finite pressure"),
+    "infinite face": (["PACK", *BOX, "--face", "xmin=1/(x-x)"], "a given pressure is not a finite number"),
+    "nan inflow": (["PACK", *BOX, "--inflow", "xmin=nan"],  "the inflow of face 'xmin' is not a finite"),
+    "face twice": (["PACK", *BOX, "--face", "xmin=1", "--face", "xmin=2"], "--face xmin is given more than once"),
+    "point outside": (["PACK", *BOX, "--point", "2", "0", "0", "1"], "--point 2 0 0 1: the point is outside the box"),
+    "history of no time": (["PACK", *BOX, *DRIVEN, "--history", "h.csv"], "give --dt"),
+    "no time step": (["PACK", *BOX, *DRIVEN, "--dt", "-1"], "dt is -1.0 s"),
+    "tolerance": (["PACK", *BOX, *DRIVEN, "--tolerance", "2"], "tolerance is 2.0"),
+    "after petsc": (["PACK", *BOX, "-flow_ksp_monitor", "--dt", "1"], "those come last"),
+    "petsc tolerance": (["PACK", *BOX, *DRIVEN, "-flow_ksp_rtol", "1e-3"], "give --tolerance"),
     "nowhere to write": (["PACK", *BOX, *DRIVEN, "--json", "/no/such/place/out.json"], "cannot write"),
 }
+
+
+def refused_files(directory: Path, pack: Path) -> dict[str, Path]:
+    """The packs that REFUSED names, written to a directory."""
+    files = {name: directory / name.lower() for name in ("SHORT", "WORDS", "BINARY", "CUT", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE")}
+    files["SHORT"].write_text("1 2 3\n")
+    files["WORDS"].write_text("grain here there\n")
+    files["BINARY"].write_bytes(bytes(range(256)))
+    files["CUT"].write_text("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\nITEM: ATOMS id x y z radius\n1 .5 .5 .5 .1\n")
+    sound = np.loadtxt(pack)
+    for name, column, value in (("NAN", 1, np.nan), ("INFINITE", 0, np.inf), ("ZERO", 3, 0.0), ("NEGATIVE", 3, -0.01), ("TWICE", slice(0, 3), sound[400, :3])):
+        spheres = sound.copy()
+        spheres[7, column] = value
+        np.savetxt(files[name], spheres, fmt="%.17g")
+    return files | {"PACK": pack}
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_refuses(case, pack, tmp_path, capsys):
     arguments, message = REFUSED[case]
-    files = {"PACK": pack, "SHORT": tmp_path / "s", "WORDS": tmp_path / "w", "BINARY": tmp_path / "b", "CUT": tmp_path / "c"}
-    files["SHORT"].write_text("1 2 3\n")
-    files["WORDS"].write_text("grain here there\n")
-    files["BINARY"].write_bytes(bytes(range(256)))
-    files["CUT"].write_text("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\nITEM: ATOMS id x y z radius\n1 .5 .5 .5 .1\n")
+    files = refused_files(tmp_path, pack)
     assert main([str(files.get(a, a)) for a in arguments]) == 2
     assert re.search(message, capsys.readouterr().err)
+
+
+@pytest.mark.parallel
+def test_two_ranks_refuse_together(pack, tmp_path, mpirun):
+    """Two ranks: every fault ends both with the same status, and one message."""
+    refused_files(tmp_path, pack)
+    done = mpirun(2, [Path(__file__).with_name("poreflow_refused_ranks.py"), tmp_path, pack])
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [f"{case} [2, 2]" for case in REFUSED]
+    said = re.findall(r"(?m)^poreflow: .*", done.stderr)
+    assert len(said) == len(REFUSED)
+    for (_, message), line in zip(REFUSED.values(), said):
+        assert re.search(message, line), line

@@ -1,0 +1,207 @@
+"""What the command `poreflow` does, from the grains' file to the report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from flowsolver import command_files as files
+from flowsolver.flow import FACES, Boundary, FlowResult, PoreFlow
+from flowsolver.formula import Formula
+from flowsolver.grain_file import read_grains
+from flowsolver.network import InputError, PoreNetwork
+
+
+def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
+    """Do what the command line asks for; the report. Collective."""
+    start = time.perf_counter()
+    _check(a)
+    ids, position, radius, box = _share_out(comm, a.pack)
+    box = np.array(a.box) if a.box is not None else box
+    if box is None:
+        raise InputError("the pack has no box of its own: give --box XLO XHI YLO YHI ZLO ZHI")
+    if a.dt is None and not (a.face or a.point or a.inflow or a.source or any(a.body_force)):
+        raise InputError("nothing drives a steady flow: give a pressure (--face, --point), an inflow (--inflow, --source) or --body-force; or --dt")
+    lower, upper = box[::2], box[1::2]
+    network = PoreNetwork(comm, lower, upper, [axis in a.periodic for axis in "xyz"])
+    _check_points(a, lower, upper)
+    clock = time.perf_counter()
+    network.update(ids, position, radius)
+    seconds = {"tessellate": time.perf_counter() - clock}
+
+    clock = time.perf_counter()
+    flow = PoreFlow(network, a.viscosity, a.compressibility, a.conductance, petsc_options=a.petsc)
+    flow.refresh(a.body_force)
+    void = comm.allreduce(float(network.pore_volume[network.owned].sum()))
+    seconds["geometry"] = time.perf_counter() - clock
+
+    result, history, spent = _solve(a, network, flow)
+    seconds |= spent
+    owned, pressure = network.owned, result.pressure
+
+    clock = time.perf_counter()
+    force, wall_force = network.forces(pressure, a.force_law)
+    seconds["forces"] = time.perf_counter() - clock
+    sums = comm.allreduce(np.append(force.sum(axis=0), np.abs(force).sum()))
+    unbalanced = np.abs(sums[:3] + wall_force[0, 1::2] - wall_force[0, ::2]).max()
+    scale = sums[3] + np.abs(wall_force).sum()
+    counts = network.report()
+    seconds["total"] = time.perf_counter() - start
+    report = {
+        "grains": counts["grains"],
+        "pores": counts["pores"],
+        "throats": counts["throats"],
+        "porosity": void / float((upper - lower).prod()),
+        "permeability": _permeability(a, upper - lower, flow, result),
+        "outflow": result.outflow,
+        "mass_residual": result.mass_residual,
+        "momentum_residual": float(unbalanced / scale) if scale > 0 and a.force_law == "total" else None,
+        "limited_pores": result.report["limited_pores"],
+        "limited_throats": result.report["limited_throats"],
+        "iterations": result.report["iterations"],
+        "ksp_reason": result.report["ksp_reason"],
+        "seconds": {name: comm.allreduce(value, op=MPI.MAX) for name, value in seconds.items()},
+        "peak_memory_bytes": comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),
+        "ranks": comm.size,
+    }
+    _note(comm, counts["hidden_grains"], "grains lie inside others: they have no pore and feel no fluid")
+    _note(comm, result.report["isolated_pores"], "pores are cut off from every given pressure: they keep the pressure of the start, in the mean")
+    if a.forces:
+        files.write(comm, a.forces, files.forces_as_npz(wall_force[0]), ids, force)
+    if a.vtu:
+        files.write(comm, a.vtu, files.pressure_as_vtu, network.pore_centre[owned], pressure[owned])
+    if a.history:
+        files.write(comm, a.history, files.history_as_csv(history))
+    if a.json:
+        files.write(comm, a.json, files.report_as_json(report))
+    elif comm.rank == 0:
+        print(json.dumps(report, indent=1))
+    return report
+
+
+def _note(comm: MPI.Comm, count: int, text: str) -> None:
+    if count and comm.rank == 0:
+        print(f"poreflow: {count} {text}", file=sys.stderr, flush=True)
+
+
+def _check(a: argparse.Namespace) -> None:
+    """What can be told from the command line alone."""
+    if a.steps < 1:
+        raise InputError(f"--steps is {a.steps}: expected 1 or more")
+    if a.dt is None and (a.explicit or a.steps > 1 or a.history):
+        raise InputError(f"{'--explicit' if a.explicit else '--steps' if a.steps > 1 else '--history'} is of flow in time: give --dt")
+    if a.steady and a.dt is not None:
+        raise InputError("--steady and --dt exclude each other")
+    if set(a.periodic) - set("xyz"):
+        raise InputError(f"--periodic is {a.periodic!r}: expected letters of xyz")
+    for option, given in (("--face", a.face), ("--inflow", a.inflow)):
+        names = [name for name, _ in given]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise InputError(f"{option} {twice.pop()} is given more than once")
+
+
+def _check_points(a: argparse.Namespace, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
+    for option, points in (("--point", a.point), ("--source", a.source)):
+        for point in points:
+            if not ((lower <= point[:3]) & (point[:3] <= upper)).all():
+                raise InputError(f"{option} {' '.join(f'{c:g}' for c in point)}: the point is outside the box")
+
+
+def _share_out(comm: MPI.Comm, path: Path) -> tuple[Any, Any, Any, Any]:
+    """Each rank's grains, in slabs of equal numbers along the pack's longest side; and the box of a dump."""
+    slabs, fault, box = None, "", None
+    if comm.rank == 0:
+        try:
+            grains = read_grains(path)
+            box = grains.box
+            axis = int(np.argmax(np.ptp(grains.position, axis=0)))
+            order = np.argsort(grains.position[:, axis], kind="stable")
+            slabs = [(grains.id[k], grains.position[k], grains.radius[k]) for k in np.array_split(order, comm.size)]
+        except InputError as error:
+            fault = str(error)
+    if fault := comm.bcast(fault):
+        raise InputError(fault)
+    return (*comm.scatter(slabs), comm.bcast(box))
+
+
+def _at(value: Formula, time: float) -> Any:
+    """A number, or a function of places (k, 3), at a time."""
+    return value.number if value.number is not None else lambda place: value.at(place, time)
+
+
+def _boundary(a: argparse.Namespace, time: float) -> Boundary:
+    pressure, inflow = ({face: _at(value, time) for face, value in given} for given in (a.face, a.inflow))
+    return Boundary(pressure, inflow, [tuple(p) for p in a.point], [tuple(p) for p in a.source])
+
+
+def _solve(a: argparse.Namespace, network: PoreNetwork, flow: PoreFlow) -> tuple[FlowResult, list[dict[str, float]], dict[str, float]]:
+    """The last solve, with the sum of all iterations and the worst residual; the history; seconds by phase."""
+    pressure = a.initial.at(network.pore_centre, 0.0)
+    network.agree([] if np.isfinite(pressure).all() else ["--initial does not yield a finite pressure in every pore"])
+    means = _Means(network, pressure)
+    history = [{"step": 0, "time": 0.0} | means.of(pressure)] if a.history else []
+    iterations, worst, seconds = 0, 0.0, dict.fromkeys(("assemble", "setup", "solve"), 0.0)
+    for step in range(1, a.steps + 1):
+        if a.dt is None:
+            result = flow.steady(_boundary(a, 0.0), pressure, tolerance=a.tolerance)
+        else:
+            # Backward Euler takes what is given at the step's end.
+            boundary = _boundary(a, step * a.dt)
+            if a.explicit:
+                result = flow.explicit(boundary, pressure, a.dt)
+            else:
+                result = flow.implicit(boundary, pressure, a.dt, tolerance=a.tolerance)
+        pressure = result.pressure
+        iterations += result.report["iterations"]
+        worst = max(worst, result.mass_residual) if result.mass_residual is not None else None
+        for phase in seconds:
+            seconds[phase] += result.report["seconds"][phase]
+        if a.history:
+            outflow = {f"outflow_{face}": value for face, value in result.outflow.items()}
+            history.append({"step": step, "time": step * a.dt} | means.of(pressure) | outflow)
+    return FlowResult(pressure, result.outflow, worst, result.report | {"iterations": iterations}), history, seconds
+
+
+class _Means:
+    """Means over the pores' volumes, for a line of the history.
+
+    `amplitude`: how much of the deviation from the mean at the start is left, cov(p, p0) / var(p0); of a Fourier mode, its amplitude.
+    """
+
+    def __init__(self, network: PoreNetwork, initial: NDArray[np.float64]):
+        self._comm, self._owned = network.comm, network.owned
+        self._volume, self._initial = network.pore_volume[self._owned], 0.0
+        self._initial = initial[self._owned] - self.of(initial)["pressure_mean"]
+
+    def of(self, pressure: NDArray[np.float64]) -> dict[str, float]:
+        """Pressures in Pa: mean, smallest, largest; and the amplitude, nan where all was even at the start."""
+        p, v = pressure[self._owned], self._volume
+        sums = np.array([v @ p, v.sum(), (v * p * self._initial).sum(), (v * self._initial**2).sum()])
+        held, void, left, whole = self._comm.allreduce(sums)
+        least = self._comm.allreduce(float(p.min(initial=np.inf)), op=MPI.MIN)
+        most = self._comm.allreduce(float(p.max(initial=-np.inf)), op=MPI.MAX)
+        return {"pressure_mean": held / void, "pressure_min": least, "pressure_max": most, "amplitude": left / whole if whole > 0.0 else float("nan")}
+
+
+def _permeability(a: argparse.Namespace, lengths: NDArray[np.float64], flow: PoreFlow, result: FlowResult) -> float | None:
+    """k along the driven axis, m^2: from the drop between two opposite faces over the box, or from a body force along a period."""
+    given = {face: value.number for face, value in a.face}
+    for axis in range(3):
+        low, high = (given.get(face) for face in FACES[2 * axis : 2 * axis + 2])
+        if low is not None and high is not None and low != high:
+            gradient = (low - high) / lengths[axis] + a.body_force[axis]
+            through = 0.5 * (result.outflow[FACES[2 * axis + 1]] - result.outflow[FACES[2 * axis]]) * lengths[axis] / lengths.prod()
+            return a.viscosity * through / gradient if gradient else None
+    driven = [axis for axis in range(3) if a.body_force[axis] and "xyz"[axis] in a.periodic]
+    if len(driven) == 1:
+        return float(a.viscosity * flow.darcy_velocity(result.pressure)[driven[0]] / a.body_force[driven[0]])
+    return None
