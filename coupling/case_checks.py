@@ -113,6 +113,12 @@ def _geometry(run: RunCase) -> Iterator[Problem]:
 def _loading(run: RunCase) -> Iterator[Problem]:
     if run.bonds.strength_sd_Pa >= run.bonds.strength_mean_Pa:
         yield "bonds.strength_sd_Pa", f"must be below the mean strength, {run.bonds.strength_mean_Pa:g} Pa, or many bonds would have none"
+    material, longest = run.material, run.stable_time_step_s(run.material.local_damping, run.material.friction > 0.0)
+    if run.time_step_s > longest:
+        holds = math.floor(100.0 * longest / run.critical_time_step_s) / 100.0
+        yield "loading.time_step_fraction", (
+            f"the step of {run.time_step_s:.3g} s is longer than the contacts bear, {longest:.3g} s with material.shear_stiffness_ratio "
+            f"{material.shear_stiffness_ratio:g}, restitution {material.restitution:g} and local_damping {material.local_damping:g}; set at most {holds:g}")
     rate = {"supplement": "supplement.ramp_time_s", "sample": "sample.loading_time_s"}.get(run.scene, "loading.strain_rate_per_s")
     slower, faster = ("lower it", "raise it") if rate.endswith("rate_per_s") else ("lengthen it", "shorten it")
     if run.loading_steps < 10:

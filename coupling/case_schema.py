@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from coupling.native import REPOSITORY
+from coupling.time_step_limit import stable_time_step
 
 
 def allowed(
@@ -129,7 +130,8 @@ class Loading:
     # A run ends early when the vertical extension reaches this strain: p_t is above the vertical stress, so the blocks part
     # for good once the gouge has slid.
     stop_vertical_strain: float = allowed(0.02, above=0.0, below=1.0)
-    # Time step over 0.63 sqrt(m_min / k_n), the limit of a dense pack.
+    # Time step over 0.63 sqrt(m_min / k_n), about the limit of a dense pack without damping. What stays stable depends on k_s / k_n and on the
+    # damping besides (0.82 with the defaults, see coupling/time_step_limit.py); more is refused.
     time_step_fraction: float = allowed(0.5, above=0.0, at_most=1.0)
     # Values for the `variable ... index` lines of liggghts-inputs/in.load, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})
@@ -322,13 +324,18 @@ class RunCase:
 
     @property
     def critical_time_step_s(self) -> float:
-        """0.63 sqrt(m_min / k_n), the limit seen in dense packs."""
+        """0.63 sqrt(m_min / k_n), by which loading.time_step_fraction is counted; `stable_time_step_s` is the limit itself."""
         lightest = self._mass(self.pack.diameter_m[0] / 2.0)
         return 0.63 * math.sqrt(lightest / self.normal_stiffness_N_per_m)
 
     @property
     def time_step_s(self) -> float:
         return self.loading.time_step_fraction * self.critical_time_step_s
+
+    def stable_time_step_s(self, local_damping: float, sheared: bool = True) -> float:
+        """The longest step with which the contacts stay stable; `sheared`: whether they have friction, without which k_s does nothing."""
+        lightest, ratio = self._mass(self.pack.diameter_m[0] / 2.0), self.material.shear_stiffness_ratio if sheared else 0.0
+        return stable_time_step(lightest, self.normal_stiffness_N_per_m, ratio, self.normal_damping_per_s, local_damping)
 
     @property
     def initial_stress_Pa(self) -> float:

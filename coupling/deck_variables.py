@@ -7,7 +7,7 @@ from pathlib import Path
 
 from coupling.case_schema import PACK, RunCase
 from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
-from coupling.pack import exchange_step
+from coupling.pack import exchange_step, packing_friction
 
 #: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
 SKIN_DIAMETERS = 0.1
@@ -15,6 +15,8 @@ SKIN_DIAMETERS = 0.1
 DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 1500
 #: Time step of the packing over the limit of a dense pack, whatever the loading takes.
 PACK_TIME_STEP_FRACTION = 0.6
+#: Local damping of the decks in.stress, with which the time step has to be stable too.
+SETTLING_DAMPING = 0.7
 #: Overlapping grains move at most this part of a diameter in a step while they are pushed apart.
 LARGEST_MOVE_DIAMETERS = 0.01
 #: Bonds may stretch to the strength this many standard deviations above the mean before the neighbour list loses them.
@@ -57,7 +59,8 @@ def pack_variables(case: RunCase, grains: Path) -> dict[str, object]:
     """For in.pack."""
     mean_mass = case.pack.density_kg_m3 * math.pi / 6.0 * (2.0 * case.mean_radius_m) ** 3
     length, depth, height = case.pack.box_m
-    time_step = PACK_TIME_STEP_FRACTION * case.critical_time_step_s
+    loose = packing_friction(case.pack, case.periodic_z) > 0.0
+    time_step = min(PACK_TIME_STEP_FRACTION * case.critical_time_step_s, case.stable_time_step_s(0.0, sheared=loose))
     values = common_variables(case) | {
         "time_step": time_step,
         "friction": 0.0,
@@ -78,12 +81,12 @@ def pack_variables(case: RunCase, grains: Path) -> dict[str, object]:
 def stress_variables(case: RunCase, before) -> dict[str, object]:
     """For in.stress: the parts of the fault in the box that the pack's walls make."""
     if not case.has_fault:
-        return common_variables(case) | {"restart_in": before.restart, "initial_stress": case.initial_stress_Pa}
+        return _settling_variables(case) | {"restart_in": before.restart, "initial_stress": case.initial_stress_Pa}
     fault = fault_geometry(case, before.manifest["walls"], case.pack.box_m[2])
     normal, half = fault.normal, 0.5 * fault.width
     left, right = fault.centre - half * normal, fault.centre + half * normal
     lower, upper = fault.lower, fault.upper
-    values = common_variables(case) | {
+    values = _settling_variables(case) | {
         "restart_in": before.restart,
         "left": lower[0], "right": upper[0], "front": lower[1], "back": upper[1], "bottom": lower[2], "top": upper[2],
         "initial_stress": case.initial_stress_Pa,
@@ -95,6 +98,11 @@ def stress_variables(case: RunCase, before) -> dict[str, object]:
     }  # fmt: skip
     values |= _supplement_variables(case, fault)
     return values | {f"area_{plate[2:]}": area for plate, area in plate_areas(case, fault).items()}
+
+
+def _settling_variables(case: RunCase) -> dict[str, object]:
+    """Contacts, and a time step that is stable with the damping under which the initial stress settles."""
+    return common_variables(case) | {"time_step": min(case.time_step_s, case.stable_time_step_s(SETTLING_DAMPING, case.material.friction > 0.0))}
 
 
 def _supplement_variables(case: RunCase, fault: FaultGeometry) -> dict[str, object]:
