@@ -89,7 +89,7 @@ def select_runs(case_file: CaseFile, names: Iterable[str]) -> CaseFile:
     known = list(dict.fromkeys(name for run in case_file.runs for name in (run.group, run.name)))
     for name in names:
         if name not in known:
-            raise InputError(f"--only {name}: the case {case_file.stem} has no run of that name{_nearest(name, known)}. Its runs: {', '.join(known)}.")
+            raise InputError(f"--only {name}: the case {case_file.stem} has no run of that name{nearest(name, known)}. Its runs: {', '.join(known)}.")
     chosen = tuple(run for run in case_file.runs if not names or run.name in names or run.group in names)
     return dataclasses.replace(case_file, runs=chosen)
 
@@ -115,7 +115,7 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         near = sorted(str(other) for other in path.parent.glob("*.toml")) if path.parent.is_dir() else []
-        raise InputError(f"there is no case file {path}{_nearest(str(path), near)}. Give the path of a TOML file, such as cases/two_sides/quick.toml.") from None
+        raise InputError(f"there is no case file {path}{nearest(str(path), near)}. Give the path of a TOML file, such as cases/two_sides/quick.toml.") from None
     except IsADirectoryError:
         held = ", ".join(sorted(other.name for other in path.glob("*.toml"))) or "none"
         raise InputError(f"{path} is a directory; give one case file in it (TOML files there: {held}).") from None
@@ -207,10 +207,11 @@ def _refuse_unknown(table: Mapping[str, Any], known: set[str], section: str, ori
             names = sorted(listed or known)
             dotted = f"{section}.{key}" if section else key
             holder = f"[{section}]" if section else "the case"
-            raise InputError(f"{origin.of(dotted)}: unknown key {dotted}{_nearest(key, names)}. Keys of {holder}: {', '.join(names)}.")
+            raise InputError(f"{origin.of(dotted)}: unknown key {dotted}{nearest(key, names)}. Keys of {holder}: {', '.join(names)}.")
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A hint at the name that was probably meant, for messages; empty where none is near."""
     match = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return f" (did you mean {match[0]}?)" if match else ""
 
@@ -267,7 +268,7 @@ def _structured(table: Mapping[str, Any], case: str, name: str, group: str, orig
     for key, choices in (("scene", SCENES), ("engine", ENGINES)):
         if chosen[key] not in choices:
             given = "missing" if chosen[key] is None else toml_text(chosen[key])
-            near = _nearest(str(chosen[key]), choices)
+            near = nearest(str(chosen[key]), choices)
             raise InputError(f"{origin.of(key)}: {key} = {given}{near}: allowed is one of " + ", ".join(f'"{choice}"' for choice in choices) + ".")
     chosen["decks_directory"] = _decks_directory(table.get("decks_directory"), origin)
     sections = {section: _section(section, table.get(section, {}), origin) for section in SECTIONS}

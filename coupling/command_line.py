@@ -22,6 +22,7 @@ examples:
   poreslip run cases/two_sides/quick.toml --dry-run          what that would do, and how long it would take
   poreslip run cases/two_sides/full.toml --only case2 --set pack.seed=2
   mpirun -n 4 poreslip run cases/two_sides/full.toml         the same on four cores
+  poreslip study cases/studies/coupling_interval.toml        error against run time, and the setting to choose
   poreslip plot out/quick                                    figures and onsets from the results
 
 exit status: 0 done; 2 bad input (the message says what to correct); 3 the computation failed."""
@@ -31,6 +32,11 @@ what the case asks for besides. Ctrl-C stops cleanly after the current interval;
 _RUN_EPILOG = """\
 keys for --set are those of the case file, section.key, and hold for every run, over what the file says:
   --set pack.seed=3   --set loading.strain_rate_per_s=0.78   --set 'sweep.seeds=[1, 2, 3]'   --set pressure.mode=none"""
+_STUDY_DESCRIPTION = """\
+Carry out every setting of a study, each in a process of its own, and hold it against the study's reference. Results go to DIR/<study>/:
+error_time.csv, error_time.png, and study.md, which names the cheapest setting within the tolerance. Runs that are there from before with the
+same inputs (DIR/runs) are not repeated: after Ctrl-C the same command goes on. A setting that is refused, or breaks down, is a line with its
+reason."""
 _TEST_DESCRIPTION = """\
 Run the tests with pytest: those of seconds and of a minute or so; with --all also those marked slow. Other arguments are pytest's own,
 such as tests/unit, -k bond or -x."""
@@ -100,6 +106,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--checkpoint-every", metavar="N", help="write a checkpoint every N steps of loading (0: none)")
     run.set_defaults(action=_run)
 
+    study = commands.add_parser("study", help="error against run time over the settings of a study file", description=_STUDY_DESCRIPTION, **form)
+    study.add_argument("study", metavar="STUDY", help="study file, such as cases/studies/coupling_interval.toml")
+    study.add_argument("--out", metavar="DIR", help="directory of the results (default: out/studies, in the current directory)")
+    study.add_argument("--dry-run", action="store_true", help="print the runs that it stands for, and which of them are kept from before")
+    study.set_defaults(action=_study)
+
     commands.add_parser("plot", help="figures, onsets of slip and claims from the results of runs", add_help=False)
 
     info = commands.add_parser("info", help="versions of poreslip and of all that it stands on", **form)
@@ -165,6 +177,14 @@ def _output_root(given: str | None) -> Path:
     if not os.access(existing, os.W_OK | os.X_OK):
         raise InputError(f"--out {root}: no permission to write in {existing}; choose another directory.")
     return root
+
+
+def _study(chosen: argparse.Namespace) -> int:
+    if _size() > 1 or "OMPI_COMM_WORLD_SIZE" in os.environ:
+        raise InputError("a study starts its runs itself: give `poreslip study` without mpirun, and `ranks` in the study file.")
+    from coupling.study.carry_out import carry_out
+
+    return carry_out(chosen.study, _output_root(chosen.out or "out/studies"), chosen.dry_run)
 
 
 def _info(chosen: argparse.Namespace) -> int:

@@ -1,0 +1,187 @@
+"""A study from its file to its table, figure and page: `poreslip study`."""
+
+from __future__ import annotations
+
+import math
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from postproc.error_time import Row, cost, error_of, gathered, recommended, write_table
+from postproc.errors import RunFileError
+from postproc.observables import OBSERVABLES, NotObserved, Observed, ResultFiles, interpolated
+from postproc.references import ANALYTIC
+
+from coupling.errors import ComputationError, InputError
+from coupling.output import write_atomically
+from coupling.study.plan import Plan, Setting
+from coupling.study.runner import Runner
+from coupling.study.schema import Observable, Study, load_study
+
+TABLE, FIGURE, PAGE = "error_time.csv", "error_time", "study.md"
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Where a study's runs and its own results go: runs are shared by all studies below one root."""
+
+    root: Path
+    stem: str
+
+    @property
+    def runs(self) -> Path:
+        return self.root / "runs"
+
+    @property
+    def results(self) -> Path:
+        return self.root / self.stem
+
+
+def carry_out(file: str, root: Path, dry_run: bool) -> int:
+    """Carry out a study, or only say what it would do; the exit status."""
+    study = load_study(file)
+    plan, paths = Plan(study), Paths(root, study.stem)
+    runner = Runner(paths.runs, study.limit_s)
+    if dry_run:
+        print(_planned(study, plan, runner))
+        return 0
+    paths.results.mkdir(parents=True, exist_ok=True)
+    work = Work(study, plan, runner)
+    # The end of a job's process is as much wanted on SIGTERM as on Ctrl-C.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        work.carry_out()
+    except KeyboardInterrupt:
+        print(f"{study.stem}  stopped; the same command goes on from here", flush=True)
+        return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        if work.rows:
+            write_table(work.rows, paths.results / TABLE)
+    _write(study, work.rows, paths, file)
+    return 0
+
+
+class Work:
+    """The runs of a study, one after the other, and the row of each."""
+
+    def __init__(self, study: Study, plan: Plan, runner: Runner):
+        self._study, self._plan, self._runner = study, plan, runner
+        self._spread = [one.key for one in study.parameters if one.spread]
+        self._expected: dict[str, Observed] = {}
+        self.rows: list[Row] = []
+
+    def carry_out(self) -> None:
+        """The reference runs come first, so that each line can tell an error."""
+        references = list(self._plan.references.values())
+        digests = {setting.jobs["run"].digest for setting in references}
+        for setting in references:
+            # A reference that does not come to its end leaves the study without any error to tell.
+            self.rows.append(self._row(setting, is_reference=True))
+            if not self.rows[-1].stable:
+                raise ComputationError(f"the reference, {setting}, did not come to its end: {self.rows[-1].reason}")
+            self._tell(setting, self.rows[-1])
+        for setting in self._plan.settings:
+            if setting.jobs["run"].digest in digests:
+                continue
+            self.rows.append(self._row(setting))
+            self._tell(setting, self.rows[-1])
+
+    def _row(self, setting: Setting, is_reference: bool = False) -> Row:
+        outcomes = {name: self._runner.carry_out(job) for name, job in setting.jobs.items()}
+        run = outcomes["run"]
+        companions = {name: outcome.directory for name, outcome in outcomes.items() if name != "run"}
+        files = ResultFiles(run.directory, companions, setting.inputs)
+        spent = cost(files, run.wall_s, run.cpu_s)
+        value = error = math.nan
+        stable, reason = run.done, run.reason
+        if failed := next((f"[companion.{name}] {outcome.reason}" for name, outcome in outcomes.items() if name != "run" and not outcome.done), ""):
+            reason = reason or failed
+        if stable and not failed:
+            try:
+                observed = self._observed(files)
+                if not np.isfinite(observed.value).all():
+                    stable, reason = False, "the observable is not a finite number"
+                else:
+                    value = float(observed.value[0]) if len(observed.value) == 1 else math.nan
+                    error = 0.0 if is_reference else error_of(observed, self._wanted(setting, files, observed), self._study.relative)
+            except (NotObserved, RunFileError) as trouble:
+                reason = str(trouble)
+        options = {one.key: setting.options[one.key] for one in self._study.parameters if one.key in setting.options}
+        spread = {key: options.pop(key) for key in self._spread if key in options}
+        return Row(options, spread, value, error, spent, stable, reason, is_reference)
+
+    def _observed(self, files: ResultFiles) -> Observed:
+        wanted = self._study.observable
+        if wanted.name == "history":
+            return OBSERVABLES["history"](files, wanted.column, wanted.at, wanted.over)
+        if wanted.name == "report":
+            return OBSERVABLES["report"](files, wanted.key)
+        return OBSERVABLES[wanted.name](files, **wanted.arguments)
+
+    def _wanted(self, setting: Setting, files: ResultFiles, observed: Observed) -> Observed:
+        """What the observable of a setting should be."""
+        reference = self._study.reference
+        if reference.value is not None:
+            return Observed.number(reference.value)
+        if reference.analytic:
+            return Observed(ANALYTIC[reference.analytic](files, observed, **reference.arguments), observed.abscissa)
+        if reference.file:
+            if "file" not in self._expected:
+                self._expected["file"] = of_table(self._study.directory / reference.file, self._study.observable)
+            return self._expected["file"]
+        run = self._plan.reference_of(setting)
+        digest = run.jobs["run"].digest
+        if digest not in self._expected:
+            outcomes = {name: self._runner.carry_out(job) for name, job in run.jobs.items()}
+            self._expected[digest] = self._observed(ResultFiles(
+                outcomes["run"].directory, {name: one.directory for name, one in outcomes.items() if name != "run"}, run.inputs))  # fmt: skip
+        return self._expected[digest]
+
+    def _tell(self, setting: Setting, row: Row) -> None:
+        count = len(self._plan.settings) + sum(one.is_reference for one in self.rows)
+        said = "the reference" if row.is_reference else f"error {row.error:.3g}" if math.isfinite(row.error) else " ".join(row.reason.split())[:100]
+        print(f"{self._study.stem}  {len(self.rows)}/{count}  {setting}  {said}  {row.cost.cpu_s:.3g} CPU s", flush=True)
+
+
+def of_table(path: Path, wanted: Observable) -> Observed:
+    """The observable "history" read from a CSV that is no run's."""
+    table = pd.read_csv(path)
+    for name in filter(None, (wanted.column, wanted.over, *wanted.at)):
+        if name not in table:
+            raise InputError(f"{path} has no column {name}; its columns: {', '.join(table.columns)}.")
+    values = table[wanted.column].to_numpy(float)
+    if wanted.over:
+        return Observed(values, table[wanted.over].to_numpy(float))
+    if not wanted.at:
+        return Observed.number(values[-1])
+    (name, place), = wanted.at.items()
+    return Observed.number(interpolated(table[name].to_numpy(float), values, place, name))
+
+
+def _write(study: Study, rows: list[Row], paths: Paths, file: str) -> None:
+    points = gathered(rows)
+    best = recommended(points, study.tolerance)
+    error_label = ("relative " if study.relative else "") + (study.error_label or "error")
+    # Drawn only when all is there: matplotlib takes a second to load.
+    from postproc.study_page import page, verdict
+    from postproc.work_precision import draw
+
+    labels = {one.key: one.label or one.key for one in study.parameters}
+    picture = draw(points, best, study.tolerance, study.title, error_label, labels, paths.results, FIGURE)
+    text = page(study.title, study.about, f"poreslip study {file}", points, best, study.tolerance, error_label, picture.name)
+    write_atomically(paths.results / PAGE, text)
+    print(f"{study.stem}  {verdict(points, best, study.tolerance).replace('**', '')}")
+    print(f"{study.stem}  {paths.results / PAGE}", flush=True)
+
+
+def _planned(study: Study, plan: Plan, runner: Runner) -> str:
+    """The runs that a study stands for, and what is kept of them from before."""
+    jobs = {job.digest: (setting, name, job) for setting in [*plan.references.values(), *plan.settings] for name, job in setting.jobs.items()}
+    lines = [f"{study.stem}: {len(plan.settings)} settings, {len(jobs)} runs", ""]
+    for setting, name, job in jobs.values():
+        state = f"refused: {' '.join(job.refused.split())}" if job.refused else "kept from before" if runner.kept(job) else "to be run"
+        lines.append(f"    {setting}{'' if name == 'run' else f'  [companion.{name}]'}  {state}")
+    return "\n".join([*lines, "", "nothing was run"])

@@ -1,0 +1,164 @@
+"""Error against run time: rows of a study, its Pareto front, and the setting to recommend."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from postproc.observables import Observed, ResultFiles, report
+
+#: Phase of a run that is no part of its cost: packs are made once, and kept.
+MADE_ONCE = "stages"
+
+
+@dataclass(frozen=True)
+class Cost:
+    """CPU and wall seconds over all ranks, steps, and iterations of the linear solver."""
+
+    cpu_s: float
+    wall_s: float
+    steps: int
+    iterations: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setting. options: parameter to value; spread: those over which settings are taken together.
+
+    value: the observable, NaN for a curve and where there is none. error: NaN where there is none. reason: why it is not stable, or why
+    it has no error. is_reference: it is the run that the others are held against.
+    """
+
+    options: Mapping[str, Any]
+    spread: Mapping[str, Any]
+    value: float
+    error: float
+    cost: Cost
+    stable: bool
+    reason: str
+    is_reference: bool = False
+
+
+@dataclass(frozen=True)
+class Point:
+    """Settings that differ in what they are spread over alone: the largest error, the mean costs, stable where all are."""
+
+    options: Mapping[str, Any]
+    rows: tuple[Row, ...]
+
+    @property
+    def error(self) -> float:
+        return max((row.error for row in self.rows), key=lambda error: math.inf if math.isnan(error) else error)
+
+    @property
+    def smallest_error(self) -> float:
+        return min(row.error for row in self.rows)
+
+    @property
+    def value(self) -> tuple[float, float]:
+        """Mean and standard deviation of the observable."""
+        values = np.array([row.value for row in self.rows])
+        return float(values.mean()), float(values.std(ddof=1)) if len(values) > 1 else 0.0
+
+    @property
+    def cpu_s(self) -> float:
+        return sum(row.cost.cpu_s for row in self.rows) / len(self.rows)
+
+    @property
+    def wall_s(self) -> float:
+        return sum(row.cost.wall_s for row in self.rows) / len(self.rows)
+
+    @property
+    def stable(self) -> bool:
+        return all(row.stable for row in self.rows)
+
+    @property
+    def counts(self) -> bool:
+        """Whether it can be recommended: it was carried out, has an error, and is not what errors are held against."""
+        return self.stable and math.isfinite(self.error) and not any(row.is_reference for row in self.rows)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{key} = {short(value)}" for key, value in self.options.items())
+
+
+def short(value: Any) -> str:
+    """A parameter's value in tables and figures."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def cost(files: ResultFiles, wall_s: float, cpu_s: float) -> Cost:
+    """What a run took by its own report, without what is made once for all runs; wall_s, cpu_s: of its process, for want of better."""
+    try:
+        found = report(files.directory)
+    except Exception:
+        return Cost(cpu_s, wall_s, 0, 0)
+    if "cpu_s_by_phase_and_rank" in found:
+        spent = [{name: phase for name, phase in part.items() if name != MADE_ONCE} for part in found["cpu_s_by_phase_and_rank"]]
+        cpu = sum(phase["cpu_s"] for part in spent for phase in part.values())
+        wall = max(sum(phase["wall_s"] for phase in part.values()) for part in spent)
+        return Cost(cpu, wall, int(found["steps"]), int(found.get("solver", {}).get("iterations", 0)))
+    seconds = found.get("seconds", {})
+    steps = int(found.get("substeps") or found.get("steps") or 1)
+    return Cost(float(found.get("cpu_seconds", seconds.get("total", cpu_s))), float(seconds.get("total", wall_s)), steps, int(found.get("iterations", 0)))
+
+
+def error_of(observed: Observed, expected: Observed, relative: bool) -> float:
+    """Root mean square of the difference, over that of what is expected if `relative`.
+
+    A curve is held against another over the abscissas that both have, read off linearly.
+    """
+    value, wanted = observed.value, expected.value
+    if observed.abscissa is not None and expected.abscissa is not None and not np.array_equal(observed.abscissa, expected.abscissa):
+        common = observed.abscissa <= expected.abscissa.max() * (1.0 + 1e-12)
+        value, wanted = value[common], np.interp(observed.abscissa[common], expected.abscissa, wanted)
+    if value.shape != wanted.shape:
+        raise ValueError(f"{len(value)} values cannot be held against {len(wanted)}")
+    size = float(np.sqrt(np.mean(wanted**2))) if relative else 1.0
+    return float(np.sqrt(np.mean((value - wanted) ** 2))) / size if size > 0.0 else math.nan
+
+
+def gathered(rows: Sequence[Row]) -> list[Point]:
+    """Rows as points: those with the same options are one, in the order in which they come first."""
+    found: dict[tuple[tuple[str, str], ...], list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple((key, str(value)) for key, value in row.options.items()), []).append(row)
+    return [Point(rows[0].options, tuple(rows)) for rows in found.values()]
+
+
+def pareto_front(points: Sequence[Point]) -> list[Point]:
+    """Points that no other beats in both error and CPU time, the cheapest first."""
+    front: list[Point] = []
+    for point in sorted((point for point in points if point.counts), key=lambda point: (point.cpu_s, point.error)):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    return front
+
+
+def recommended(points: Sequence[Point], tolerance: float) -> Point | None:
+    """The cheapest point within the tolerance."""
+    within = [point for point in points if point.counts and point.error <= tolerance]
+    return min(within, key=lambda point: (point.cpu_s, point.error), default=None)
+
+
+def order_of(size: Sequence[float], error: Sequence[float]) -> float:
+    """Order of convergence: slope of log error over log size, by least squares."""
+    return float(np.polyfit(np.log(np.asarray(size, float)), np.log(np.asarray(error, float)), 1)[0])
+
+
+def write_table(rows: Sequence[Row], path: Path) -> None:
+    """error_time.csv: a line for each setting."""
+    with open(path, "w", newline="") as file:
+        write = csv.writer(file, lineterminator="\n").writerow
+        names = [*rows[0].options, *rows[0].spread] if rows else []
+        write([*names, "value", "error", "wall_s", "cpu_s", "steps", "iterations", "stable", "reason"])
+        for row in rows:
+            numbers = ["" if math.isnan(number) else f"{number:.6g}" for number in (row.value, row.error)]
+            spent = [f"{row.cost.wall_s:.3g}", f"{row.cost.cpu_s:.3g}", row.cost.steps, row.cost.iterations]
+            reason = "the reference" if row.is_reference else row.reason
+            write([*row.options.values(), *row.spread.values(), *numbers, *spent, "yes" if row.stable else "no", " ".join(reason.split())])

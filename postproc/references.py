@@ -1,0 +1,69 @@
+"""Analytic references of studies: what an observable should be, by name. Sources stand beside each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from postproc.observables import Layer, NotObserved, Observed, ResultFiles, permeability_of, report
+
+#: Permeability over the diameter squared of touching lattices in Stokes flow: Zick & Homsy, J. Fluid Mech. 115, 13 (1982).
+ZICK_HOMSY = {"sc": 2.520e-3, "bcc": 5.014e-4, "fcc": 1.725e-4}
+
+
+def terzaghi_degree(time_factor: np.ndarray) -> np.ndarray:
+    """(n,): mean degree of consolidation of a layer that drains at one face, U = 1 - sum 2 / M^2 exp(-M^2 T_v), M = pi (2 m + 1) / 2."""
+    root = np.pi * (2 * np.arange(500) + 1) / 2
+    return 1.0 - (2.0 / root**2 * np.exp(-np.outer(np.maximum(time_factor, 0.0), root**2))).sum(axis=1)
+
+
+def terzaghi(files: ResultFiles, observed: Observed) -> np.ndarray:
+    """Degree of consolidation at the observed times. Stiffness from [companion.dry], permeability from [companion.darcy]."""
+    layer = Layer(files)
+    permeable = permeability_of(files.companion("darcy")) / layer.inputs["fluid"]["viscosity_Pa_s"]
+    diffusivity = permeable / (1.0 / layer.stiffness + layer.storage)
+    return layer.mean_over_ramp(observed.abscissa, lambda since: terzaghi_degree(diffusivity * since / layer.height**2))
+
+
+def zick_homsy(files: ResultFiles, observed: Observed, diameter_m: float, lattice: str = "") -> np.ndarray:
+    """Permeability of a touching lattice, m^2; the lattice is an argument, or the setting's parameter of that name."""
+    name = str(lattice or files.setting.get("lattice", "")).lower()
+    if name not in ZICK_HOMSY:
+        raise NotObserved(f"Zick & Homsy's value is known for the lattices {', '.join(ZICK_HOMSY)}, not for {name or 'none'}")
+    return np.array([ZICK_HOMSY[name] * diameter_m**2])
+
+
+def kozeny_carman(files: ResultFiles, observed: Observed, diameter_m: float) -> np.ndarray:
+    """Permeability of a random pack, m^2: k = phi^3 d^2 / (180 (1 - phi)^2), with the porosity of the report (Carman 1937)."""
+    found = report(files.directory)
+    porosity = found.get("porosity") or found.get("last", {}).get("porosity")
+    if porosity is None:
+        raise NotObserved("the report has no porosity")
+    return np.array([porosity**3 * diameter_m**2 / (180.0 * (1.0 - porosity) ** 2)])
+
+
+def fourier(
+    files: ResultFiles, observed: Observed, length_m: float, amplitude_Pa: float, viscosity_Pa_s: float, compressibility_per_Pa: float, file: str = "pores.vtu"
+) -> np.ndarray:
+    """Decay of a wave of pressure along z in a sealed box, p0 cos(pi z / L) exp(-t / tau), at the places of the pores, Pa.
+
+    tau = L^2 porosity compressibility viscosity / (pi^2 k), with permeability and porosity from [companion.darcy]; t is the setting's --dt
+    times its --steps.
+    """
+    import meshio
+
+    found = report(files.companion("darcy"))
+    tau = length_m**2 * found["porosity"] * compressibility_per_Pa * viscosity_Pa_s / (np.pi**2 * found["permeability"])
+    time = float(files.setting["--dt"]) * float(files.setting.get("--steps", 1))
+    z = np.asarray(meshio.read(files.directory / file).points, float)[:, 2]
+    return amplitude_Pa * np.cos(np.pi * z / length_m) * np.exp(-time / tau)
+
+
+#: Name of an analytic reference to its function: files, what was observed, arguments -> values like the observed ones.
+ANALYTIC: dict[str, Callable[..., np.ndarray]] = {
+    "terzaghi": terzaghi,
+    "zick_homsy": zick_homsy,
+    "kozeny_carman": kozeny_carman,
+    "fourier": fourier,
+}

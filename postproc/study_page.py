@@ -1,0 +1,54 @@
+"""The page of a study: what was asked, what is recommended, every setting with its error and its cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from postproc.error_time import Point, short
+from postproc.work_precision import error_text
+
+
+def page(title: str, about: str, command: str, points: Sequence[Point], best: Point | None, tolerance: float, error_label: str, picture: str) -> str:
+    """Markdown."""
+    lines = [f"# {title}", "", f"    {command}", ""]
+    if about:
+        lines += [about.strip(), ""]
+    lines += [f"![{title}]({picture})", "", verdict(points, best, tolerance), "", *table(points, error_label)]
+    return "\n".join(lines) + "\n"
+
+
+def verdict(points: Sequence[Point], best: Point | None, tolerance: float) -> str:
+    """The recommended setting in a sentence."""
+    if best is not None:
+        return (f"**Recommended, the cheapest within {tolerance:g}: {best}** "
+                f"(error {best.error:.2g}, {best.cpu_s:.3g} CPU s).")  # fmt: skip
+    counting = [point for point in points if point.counts]
+    if not counting:
+        return f"No setting has an error to judge by, so none is recommended for {tolerance:g}."
+    nearest = min(counting, key=lambda point: point.error)
+    return f"No setting is within {tolerance:g}; the nearest is {nearest} with an error of {nearest.error:.2g}."
+
+
+def table(points: Sequence[Point], error_label: str) -> list[str]:
+    """A line for each setting."""
+    several = any(len(point.rows) > 1 for point in points)
+    numbered = any(not math.isnan(point.value[0]) for point in points)
+    head = [*points[0].options, *(["value"] if numbered else []), error_label, "CPU s", "steps", "iterations", "stable"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    for point in points:
+        cells = [short(value) for value in point.options.values()]
+        mean, deviation = point.value
+        if numbered:
+            cells.append("" if math.isnan(mean) else f"{mean:.4g}" + (f" +- {deviation:.2g}" if several else ""))
+        error = error_text(point.error)
+        if several and error:
+            error += f" ({error_text(point.smallest_error)} at best)"
+        reason = next((row.reason for row in point.rows if row.reason), "")
+        if any(row.is_reference for row in point.rows):
+            error, reason = "", "the reference"
+        row = point.rows[0]
+        state = "yes" if point.stable else "no"
+        cells += [error, f"{point.cpu_s:.3g}", str(row.cost.steps), str(row.cost.iterations), state + (f": {' '.join(reason.split())}" if reason else "")]
+        lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
+    return lines

@@ -1,0 +1,174 @@
+"""`poreslip study` on real runs: its table, figure and page, runs that are kept, runs that fail, and an interrupt in the middle."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from processes import REPOSITORY, environment, the_message
+
+#: Rates of the tiny fault; the last is so fast that loading has too few steps, and is refused.
+RATES = """\
+title = "Loading rate of the tiny fault"
+about = "What is read from it."
+tolerance = 0.05
+
+[run]
+case = "tiny.toml"
+only = "dry"
+
+[[parameter]]
+key = "loading.strain_rate_per_s"
+values = [10.0, 20.0, 1e4]
+label = "strain rate, 1/s"
+
+[observable]
+name = "history"
+column = "sigma_n_Pa"
+over = "strain"
+
+[reference]
+settings = { "loading.strain_rate_per_s" = 5.0 }
+"""
+FLOW = """\
+tolerance = 1e-6
+
+[run]
+poreflow = "pack.txt --box 0 1 0 1 0 1 --face ymin=1 --face ymax=0 --viscosity 10"
+
+[[parameter]]
+key = "--tolerance"
+values = [1e-3, 1e-9]
+
+[[parameter]]
+key = "--conductance"
+values = ["duct", "of-pipes"]
+
+[observable]
+name = "permeability"
+
+[reference]
+settings = { "--tolerance" = 1e-12, "--conductance" = "duct" }
+"""
+
+
+@pytest.fixture
+def study(poreslip, tiny_case, tmp_path, stage_cache):
+    """`study(text, *arguments)`: carry out a study; what it printed, and the directory of its results."""
+
+    def run(text: str, *arguments: str):
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return poreslip("study", path, "--out", tmp_path / "out", *arguments, env={"PORESLIP_CACHE": str(stage_cache)}), tmp_path / "out" / "study"
+
+    return run
+
+
+def lines(directory) -> list[dict[str, str]]:
+    with open(directory / "error_time.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_rates_of_a_fault(study, tmp_path):
+    done, results = study(RATES)
+    assert done.returncode == 0, done.stderr
+    reference, *rows = lines(results)
+    assert reference["reason"] == "the reference" and float(reference["steps"]) == 396
+    assert [row["stable"] for row in rows] == ["yes", "yes", "no"]
+    assert "too few to follow the grains" in rows[2]["reason"] and rows[2]["error"] == ""
+    assert 0.0 < float(rows[0]["error"]) < float(rows[1]["error"])
+    assert 0.0 < float(rows[0]["cpu_s"]) < 60.0 and float(rows[0]["steps"]) == 198
+    # One line for each run, the reference's first.
+    told = [line for line in done.stdout.splitlines() if " CPU s" in line and line.startswith("study  ") and "/" in line.split()[1]]
+    assert len(told) == 4 and "the reference" in told[0] and "error" in told[1]
+    assert (results / "error_time.png").read_bytes()[:4] == b"\x89PNG"
+    page = (results / "study.md").read_text()
+    assert "What is read from it." in page and "too few to follow the grains" in page
+    # The error is that of the curves themselves.
+    curves = [np.genfromtxt(path, delimiter=",", names=True) for path in (tmp_path / "out" / "runs").glob("*/tiny/dry/history.csv")]
+    assert len(curves) == 3
+    fine = max(curves, key=lambda curve: curve["step"][-1])
+    middle = sorted(curves, key=lambda curve: curve["step"][-1])[1]
+    wanted = np.interp(middle["strain"], fine["strain"], fine["sigma_n_Pa"])[middle["strain"] <= fine["strain"].max()]
+    value = middle["sigma_n_Pa"][: len(wanted)]
+    expected = np.sqrt(((value - wanted) ** 2).mean() / (wanted**2).mean())
+    assert float(rows[0]["error"]) == pytest.approx(expected, rel=1e-5)
+
+    # Again: nothing is repeated. Another value: only that.
+    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
+    again, _ = study(RATES.replace("[10.0, 20.0, 1e4]", "[10.0, 20.0, 40.0]"))
+    assert again.returncode == 0, again.stderr
+    after = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
+    assert len(after) == 4 and made.items() <= after.items()
+    assert lines(results)[1] == rows[0]
+
+
+def test_a_plan_runs_nothing(study, tmp_path):
+    done, results = study(RATES, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("to be run") == 3 and done.stdout.count("refused: ") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_flow_through_a_pack(study, tmp_path):
+    np.savetxt(tmp_path / "pack.txt", np.load(REPOSITORY / "tests" / "data" / "peer_pack_1000.npz")["spheres"], fmt="%.17g")
+    done, results = study(FLOW)
+    assert done.returncode == 0, done.stderr
+    reference, loose, _, tight, refused = lines(results)
+    assert float(loose["error"]) > 1e-6 > float(tight["error"])
+    assert int(loose["iterations"]) < int(tight["iterations"]) < int(reference["iterations"])
+    assert refused["stable"] == "no" and "invalid choice: 'of-pipes'" in refused["reason"]
+    assert "Recommended, the cheapest within 1e-06: --tolerance = 1e-09, --conductance = duct" in done.stdout
+    wrong, _ = study(FLOW.replace('"--tolerance"', '"--tolerence"'))
+    assert "did you mean --tolerance" in the_message(wrong, 2)
+
+
+def test_a_reference_that_fails_ends_the_study(study):
+    done, _ = study(RATES.replace("= 5.0", "= 1e5"))
+    assert "the reference" in the_message(done, 3)
+
+
+def test_not_under_mpirun(tiny_case, mpirun, tmp_path):
+    (tmp_path / "study.toml").write_text(RATES)
+    done = mpirun(2, ["-m", "coupling", "study", tmp_path / "study.toml", "--out", tmp_path / "out"])
+    assert "without mpirun" in the_message(done, 2)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+def test_an_interrupt_and_the_rest_later(study, tiny_case, tmp_path, stage_cache, number):
+    """Stopped in the second run: the first is kept, nothing of the second counts, no process is left, and the same command ends it."""
+    text = RATES.replace("[10.0, 20.0, 1e4]", "[0.02]")  # 99 000 steps
+    (tmp_path / "study.toml").write_text(text)
+    command = [sys.executable, "-m", "coupling", "study", tmp_path / "study.toml", "--out", tmp_path / "out"]
+    process = subprocess.Popen([str(part) for part in command], env=environment(PORESLIP_CACHE=str(stage_cache)), stdout=subprocess.PIPE, text=True,
+                               start_new_session=True)  # fmt: skip
+    first = process.stdout.readline()
+    assert "the reference" in first
+    end = time.monotonic() + 60.0
+    while not list((tmp_path / "out" / "runs").glob("*/tiny/dry/history.csv"))[1:]:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.send_signal(number)
+    rest = process.communicate(timeout=60)[0]
+    assert process.returncode == 130 and "the same command goes on" in rest
+    assert len(list((tmp_path / "out" / "runs").glob("*/finished.json"))) == 1
+    running = [pid for pid in os.listdir("/proc") if pid.isdigit() and str(tmp_path).encode() in _command_line(pid)]
+    assert not running
+    assert [row["reason"] for row in lines(tmp_path / "out" / "study")] == ["the reference"]
+    done, results = study(text.replace("[0.02]", "[10.0]"))
+    assert done.returncode == 0, done.stderr
+    assert len(lines(results)) == 2
+
+
+def _command_line(pid: str) -> bytes:
+    try:
+        with open(f"/proc/{pid}/cmdline", "rb") as file:
+            return file.read()
+    except OSError:
+        return b""

@@ -1,0 +1,73 @@
+"""What a study reads from the files of a run, and the analytic solutions that it is held against."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_run import Synthetic, write_run
+
+from postproc.observables import NotObserved, ResultFiles, block_stiffness, of_history, of_report, onset, permeability, slip
+from postproc.references import kozeny_carman, terzaghi_degree, zick_homsy
+
+
+@pytest.fixture
+def fault(tmp_path) -> ResultFiles:
+    """A made-up run with an onset at a strain of 1.2e-3."""
+    return ResultFiles(write_run(tmp_path, Synthetic()))
+
+
+def test_a_column_at_its_end_at_a_place_and_as_a_curve(fault):
+    table = pd.read_csv(fault.directory / "history.csv")
+    assert of_history(fault, "sigma_n_Pa", {}, "").value == [table["sigma_n_Pa"].iloc[-1]]
+    between = 0.3 * table["strain"][4] + 0.7 * table["strain"][5]
+    expected = 0.3 * table["sigma_n_Pa"][4] + 0.7 * table["sigma_n_Pa"][5]
+    assert of_history(fault, "sigma_n_Pa", {"strain": between}, "").value == pytest.approx([expected], rel=1e-9)
+    curve = of_history(fault, "sigma_n_Pa", {}, "strain")
+    assert len(curve.value) == len(table) and curve.abscissa[-1] == table["strain"].iloc[-1]
+    with pytest.raises(NotObserved, match="strain goes to 0.0031 only, not to 1"):
+        of_history(fault, "sigma_n_Pa", {"strain": 1.0}, "")
+    with pytest.raises(NotObserved, match="no column sigma"):
+        of_history(fault, "sigma", {}, "")
+
+
+def test_onset_slip_and_stiffness(fault):
+    assert onset(fault, "strain").value == pytest.approx([1.2e-3], rel=1e-2)
+    assert onset(fault).value == pytest.approx([1e7 + 0.5 * 2.0e10 * 1.2e-3], rel=1e-2)
+    assert block_stiffness(fault).value == pytest.approx([1.005 * 2.0e10], rel=1e-6)  # one wall bears a hundredth more
+    last = pd.read_csv(fault.directory / "history.csv").iloc[-1]
+    assert slip(fault).value == [max(last["slip_left_m"], last["slip_right_m"], key=abs)]
+    assert slip(fault, "left").value == [last["slip_left_m"]]
+
+
+def test_a_fault_that_does_not_slip_has_no_onset(tmp_path):
+    files = ResultFiles(write_run(tmp_path, Synthetic(number=5, onset_strain=None)))
+    with pytest.raises(NotObserved, match="did not slip"):
+        onset(files)
+
+
+def test_keys_of_reports(tmp_path):
+    files = ResultFiles(tmp_path)
+    with pytest.raises(NotObserved, match="no report"):
+        of_report(files, "steps")
+    (tmp_path / "report.json").write_text(json.dumps({"a": {"b": [1.5, 2.5]}, "ended": "so", "pore_network_by_rank": [{"permeability_m2": 1e-9}]}))
+    assert of_report(files, "a.b.1").value == [2.5]
+    assert permeability(files).value == [1e-9]
+    for key, message in (("a.c", "has no a.c"), ("a.b.7", "has no a.b.7"), ("ended", "is 'so', not a number")):
+        with pytest.raises(NotObserved, match=message):
+            of_report(files, key)
+
+
+def test_analytic_references(tmp_path):
+    # T_v = 0.197 and 0.848 for half and nine tenths (Terzaghi 1925).
+    assert terzaghi_degree(np.array([0.0, 0.1966, 0.8481])) == pytest.approx([0.0, 0.5, 0.9], abs=1e-3)
+    (tmp_path / "out.json").write_text(json.dumps({"porosity": 0.4, "permeability": 1e-9}))
+    files = ResultFiles(tmp_path, setting={"lattice": "BCC"})
+    assert kozeny_carman(files, None, diameter_m=1e-3) == pytest.approx([0.4**3 * 1e-6 / (180 * 0.36)])
+    assert zick_homsy(files, None, diameter_m=2.0) == pytest.approx([4 * 5.014e-4])
+    with pytest.raises(NotObserved, match="lattices sc, bcc, fcc, not for hcp"):
+        zick_homsy(files, None, diameter_m=2.0, lattice="hcp")
+    with pytest.raises(NotObserved, match="companion.dry"):
+        files.companion("dry")
