@@ -1,9 +1,9 @@
 """Two-way coupling: the fluid flows through the pores of the moving pack, its pressure pushes grains and walls, and they squeeze it.
 
 Imported only by a run with flow.kind = "solve": it loads PETSc. Within an interval the pore network stands where it was at the
-interval's start. Before each step of the engine the grains' displacements in that step are already known, for it is velocity Verlet:
-dt (v + dt f / 2 m). So the pressures at its end are known too, and the forces are those of the place that the grains come to, as contact
-forces are. The walls' displacements follow one step later. The solve at the interval's end takes up all that was swept.
+interval's start. In each step of the engine, once grains and walls are at their new places, `fix poreforce/two_way` has the pressures
+answer, so that the forces are those of the place that the grains come to, as contact forces are; all of that is C++. The solve at the
+interval's end takes up all that was swept.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from coupling.case_schema import FACES, RunCase
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.exchange import Dry
-from coupling.grain_order import rearranged
 from coupling.phases import Phases
-from coupling.walls import SceneWalls
+from coupling.walls import GROUPS, SceneWalls
 
 #: Names of flow.split as the flow solver has them.
 SPLITS = {"undrained": "undrained", "staggered": "drained"}
+#: Id of the fix that has the fluid answer the engine's steps.
+FIX = "two_way"
 #: Of the linear solver, relative: with it the balance of mass closes to 1e-10 of the throughput of an interval in which grains move.
 SOLVER_TOLERANCE = 1e-12
 
@@ -49,9 +50,9 @@ class TwoWayFlow(Dry):
         self._boundary = Boundary(pressure={face: float(pressure) for face, pressure in case.fluid.faces.items()})
         self._flow: PoreFlow | None = None
         self._pressure = np.zeros(0)
-        self._wall_position = saved["wall_position"] if saved else self._walls.positions(self._walls.states(engine))
+        self._coupling: TwoWayCoupling | None = None
+        engine.command(f"fix {FIX} all poreforce/two_way pore_force")
         self._result: FlowResult | None = None
-        self._work = np.zeros(3)
         self._worst = {"momentum_residual": 0.0, "work_residual": 0.0, "mass_residual": 0.0, "remesh_mass_residual": 0.0}
 
     # -- one interval ---------------------------------------------------------------------------------------------------
@@ -60,57 +61,39 @@ class TwoWayFlow(Dry):
         """Take up where the grains are now, with the pressures carried over, and set the forces of these pressures."""
         with self._failures_told():
             self._take_up()
-            self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE)
-            self._set_forces()
+            with self._phases.timed("forces"):
+                if self._coupling is None:
+                    self._couple()
+                else:
+                    self._coupling.begin(self._pressure)
+                self._set_forces()
             self._measure_momentum()
 
     def advance(self, steps: int) -> None:
         """Make steps of the engine, and let the fluid flow where an interval ends."""
-        with self._failures_told():
-            for _ in range(steps):
-                with self._phases.timed("pressure"):
-                    self._move()
-                with self._phases.timed("engine"):
-                    self._engine.run(1, setup=False)
-            if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
-                with self._phases.timed("flow"):
-                    self._exchange()
+        super().advance(steps)
+        if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
+            with self._failures_told(), self._phases.timed("flow"):
+                self._exchange()
 
-    def _move(self) -> None:
-        """The pressures' answer to the grains' coming step, and the work that goes with it."""
-        engine, dt = self._engine, self._engine.time_step
-        displacement = dt * (engine.atom("v") + 0.5 * dt * engine.atom("f") / engine.atom("rmass")[:, None])
-        displacement = rearranged(self._comm, engine.atom("id"), displacement, self._id)
-        position = self._walls.positions(self._walls.states(engine))
-        moved = (position - self._wall_position) * np.tile([-1.0, 1.0], 3)
-        self._wall_position = position
-
-        force, wall_force, pressure = self._force, self._wall_force, self._coupling.pressure
-        swept = self._network.volume_rate(displacement / dt, moved / dt) * dt
-        self._coupling.move(displacement / dt, dt, moved / dt)
-        if self._split == "undrained":
-            self._set_forces()
-        # Verlet gives the grains the mean of the forces at both ends of the step.
-        on_grains = 0.5 * ((force + self._force) * displacement).sum(axis=1)
-        on_walls = 0.5 * (wall_force + self._wall_force) * moved if self._comm.rank == 0 else np.zeros(1)
-        owned = self._network.owned
-        by_fluid = 0.5 * ((pressure + self._coupling.pressure) * swept)[owned]
-        self._work += on_grains.sum() + on_walls.sum(), by_fluid.sum(), np.abs(on_grains).sum() + np.abs(on_walls).sum()
+    def _couple(self) -> None:
+        """Have the engine call the fluid in each of its steps."""
+        self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE, self._law)
+        self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
 
     def _exchange(self) -> None:
-        """End the interval: the fluid flows, and the balances of work and mass are drawn up."""
-        on_grains, by_fluid, size = self._comm.allreduce(self._work)
-        self._work[:] = 0.0
+        """End the interval: the balances of work and mass are drawn up, and the fluid flows."""
+        on_grains, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
         if size > 0.0 and self._law == "total":
             self._keep_worst("work_residual", abs(on_grains - by_fluid) / size)
         self._result = self._coupling.exchange()
-        self._pressure = self._coupling.pressure
+        self._pressure = self._result.pressure
         self._keep_worst("mass_residual", self._result.mass_residual)
 
     def _set_forces(self) -> None:
         """Set the forces of the present pressures on the engine's grains and walls."""
-        self._force, self._wall_force = self._coupling.forces(self._law)
-        self._engine.property_atom("pore_force")[:] = rearranged(self._comm, self._id, self._force, self._engine.atom("id"))
+        self._force, self._wall_force = self._coupling.forces()
+        self._engine.property_atom("pore_force")[:] = self._force
         self._walls.set_fluid_forces(self._engine, self._wall_force)
 
     # -- the mesh ---------------------------------------------------------------------------------------------------------
@@ -120,9 +103,8 @@ class TwoWayFlow(Dry):
         engine, network = self._engine, self._network
         pores_before = network.pores if self._flow else 0
         with self._phases.timed("tessellation"):
-            self._id = engine.atom("id").copy()
             outcome = network.update(
-                self._id, engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
+                engine.atom("id"), engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
                 group=engine.atom("type") - np.int32(1), rebuild=rebuild)
         with self._phases.timed("flow"):
             if self._flow is None:
@@ -166,7 +148,7 @@ class TwoWayFlow(Dry):
         if parts is None:
             return {}
         grains, pressure = (np.concatenate(column) for column in zip(*parts))
-        return {"grains_of_pore": grains, "pressure": pressure, "wall_position": self._wall_position}
+        return {"grains_of_pore": grains, "pressure": pressure}
 
     def _restored(self) -> np.ndarray:
         """(m,) Pa: the checkpoint's pressures on the present mesh."""
@@ -217,7 +199,8 @@ class TwoWayFlow(Dry):
         for axis in range(3):
             low, high = FACES[2 * axis : 2 * axis + 2]
             if self._result and set(given) == {low, high} and given[low] != given[high]:
-                size = self._wall_position[0, 1::2] - self._wall_position[0, 0::2]
+                position = self._walls.positions(self._walls.states(self._engine))
+                size = position[0, 1::2] - position[0, 0::2]
                 velocity = 0.5 * (self._result.outflow[high] - self._result.outflow[low]) / (size.prod() / size[axis])
                 permeability = self._fluid.viscosity_Pa_s * velocity * size[axis] / (given[low] - given[high])
                 void = self._comm.allreduce(float(self._network.pore_volume[self._network.owned].sum()))

@@ -75,6 +75,11 @@ class SceneWalls:
                 table[part - 1, face] = state[name].position
         return table
 
+    @property
+    def planes(self) -> dict[str, tuple[int, int]]:
+        """Face of each wall, and the parts that it bears as bits, by fix id."""
+        return {name: (face, sum(1 << (part - 1) for part in parts)) for name, (face, parts) in self.plates.items()}
+
     def set_fluid_forces(self, engine: Engine, wall_force: np.ndarray) -> None:
         """Hand the fluid's forces (3, 6) N, outwards, by part and face, to the walls that bear them."""
         for name, (face, parts) in self.plates.items():

@@ -236,3 +236,8 @@ class PoreNetwork:
         """Counts over all ranks (grains, pores, throats, hidden_grains, kept, repaired, rebuilt, exact_tests of the last certificate),
         the halo's width in m, and this rank's seconds by phase (tessellate, certify, geometry, forces)."""
         return self._native.report()
+
+
+def new_response(network: PoreNetwork) -> Any:
+    """The native `PoreResponse` of a network: what its pressures answer to each step of the grains; see `flowsolver.two_way`."""
+    return _native.PoreResponse(network.native)

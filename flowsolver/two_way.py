@@ -4,24 +4,27 @@ Between solves of the flow the grains make many small steps. With split "undrain
 if no fluid passed any throat, dp = -dV / (beta V); the solve at the interval's end then lets the fluid flow, from the pressures
 at its start and with all of the interval's volume changes. With split "drained" pressures stand still between solves: that is
 stable only while the fluid's stiffness over the interval stays below the skeleton's.
+
+The steps are made in C++ (`PoreResponse`), with the gradients of the pores' volumes as they were when the interval began. A DEM engine
+can call it in each of its own steps: `TwoWayCoupling.for_engine`.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flowsolver.flow import TOLERANCE, Boundary, FlowResult, PoreFlow
-from flowsolver.network import ForceLaw, PoreNetwork
+from flowsolver.network import ForceLaw, PoreNetwork, checked_array, new_response
 from flowsolver.transfer import carry_pressure
 
 Split = Literal["undrained", "drained"]
 
 
 class TwoWayCoupling:
-    """Pressures of a flow that is coupled with moving grains. Methods are collective.
+    """Pressures of a flow that is coupled with moving grains. Methods are collective unless they say local.
 
     Parameters
     ----------
@@ -32,59 +35,106 @@ class TwoWayCoupling:
     pressure : (m,) float64, Pa, at the start
     split
         "undrained" or "drained"
+    law
+        Of the forces, as in `PoreNetwork.forces`.
     """
 
     def __init__(
-        self, network: PoreNetwork, flow: PoreFlow, boundary: Boundary, pressure: ArrayLike, split: Split = "undrained", tolerance: float = TOLERANCE
+        self,
+        network: PoreNetwork,
+        flow: PoreFlow,
+        boundary: Boundary,
+        pressure: ArrayLike,
+        split: Split = "undrained",
+        tolerance: float = TOLERANCE,
+        law: ForceLaw = "total",
     ) -> None:
         faults = [] if split in ("undrained", "drained") else [f'split is {split!r}: expected "undrained" or "drained"']
+        if law not in ("total", "pressure"):
+            faults.append(f'law is {law!r}: expected "total" or "pressure"')
         if split == "undrained" and not (flow.storage > 0).all():
             faults.append("the undrained split needs a fluid with compressibility above 0")
         network.agree(faults)
         network.remember_previous()
-        self.network, self.flow, self.boundary, self.split, self.tolerance = network, flow, boundary, split, tolerance
-        self.pressure: NDArray[np.float64] = np.array(pressure, float)
-        """(m,) float64, Pa: the present pressures."""
-        self._begin()
+        self.network, self.flow, self.boundary, self.split, self.tolerance, self.law = network, flow, boundary, split, tolerance, law
+        self._response = new_response(network)
+        self.begin(pressure)
 
-    def _begin(self) -> None:
-        """Start an interval at the present pressures."""
-        self._at_start = self.pressure.copy()
-        self._swept = np.zeros(self.network.pores)
-        self._elapsed = 0.0
-        self._given = self.flow.given(self.boundary)
+    def begin(self, pressure: ArrayLike) -> None:
+        """Start an interval at these pressures, (m,) Pa, and where grains and walls are at the network's last update."""
+        faults: list[str] = []
+        self._at_start = checked_array("pressure", pressure, np.float64, (self.network.pores,), faults)
+        if not np.isfinite(self._at_start).all():
+            faults.append("pressure has entries that are not finite")
+        self.network.agree(faults)
+        given = self.flow.given(self.boundary)
+        storage = self.flow.storage
+        answers = ~given if self.split == "undrained" else np.zeros_like(given)
+        stiffness = np.divide(1.0, storage, out=np.zeros_like(storage), where=answers)
+        self._response.begin(self.law, self._at_start, stiffness)
+        self._force: NDArray[np.float64] | None = None
+        self._begun = True
+
+    @property
+    def pressure(self) -> NDArray[np.float64]:
+        """(m,) float64, Pa, local: the present pressures."""
+        return self._response.pressure() if self._begun else self._at_start
+
+    @property
+    def work(self) -> tuple[float, float, float]:
+        """Of this rank since the interval began, J: done on grains and walls, given by the fluid, and the sum of the sizes of the
+        first's terms (local). With the law "total" the first two are the same over all ranks, but for rounding."""
+        return tuple(self._response.work())
+
+    @property
+    def for_engine(self) -> tuple[int, int]:
+        """Addresses of a C function and of its first argument (local), for an engine that makes the steps itself. They stay the same.
+
+        const char *step(void *fluid, double dt, int n, const int *id, const double *velocity, const double *wall_velocity,
+        double *force, double *wall_force): n grains of this rank, in any order, moved at `velocity` (n, 3) m/s over `dt` (s), and the
+        walls at `wall_velocity` (G, 6) m/s outward. In: the forces (n, 3) N before the step; out: after it, and on the walls (G, 6) N,
+        outward, over all ranks. Collective. Returns null, or what went wrong, on all ranks.
+        """
+        return self._response.for_engine
 
     def move(self, velocity: ArrayLike, dt: float, wall_velocity: ArrayLike | None = None) -> None:
         """One step of the grains: velocity (n, 3) m/s in the order of the network's last update, wall_velocity (G, 6) m/s
         outward, over dt (s)."""
-        self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
-        swept = self.network.volume_rate(velocity, wall_velocity) * dt
-        self._swept += swept
-        self._elapsed += dt
-        if self.split == "undrained":
-            self.pressure = np.where(self._given, self.pressure, self.pressure - swept / self.flow.storage)
+        faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
+        velocities = checked_array("velocity", velocity, np.float64, (self.network.native.grains, 3), faults)
+        shape = (self.network.native.groups, 6)
+        walls = np.zeros(shape) if wall_velocity is None else checked_array("wall_velocity", wall_velocity, np.float64, shape, faults)
+        self.network.agree(faults)
+        if self._force is None:
+            self._force, _ = self.forces()
+        self._response.step(dt, velocities, walls, self._force)
 
-    def forces(self, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces of the present pressures on grains and walls, as of `PoreNetwork.forces`."""
-        return self.network.forces(self.pressure, law)
+    def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces of the present pressures: on grains, (n, 3) N, in the order of the network's last update, or of the engine's last step;
+        on walls, (G, 6) N, outward, over all ranks."""
+        if not self._begun:
+            self.begin(self._at_start)
+        return self._response.forces()
 
     def exchange(self) -> FlowResult:
-        """End the interval: the fluid flows for the time of all its steps."""
-        self.network.agree([] if self._elapsed > 0 else ["exchange() needs at least one move() before it"])
-        result = self.flow.implicit(self.boundary, self._at_start, self._elapsed, self._swept / self._elapsed, self.tolerance)
-        self.pressure = result.pressure
-        self._begin()
+        """End the interval: the fluid flows for the time of all its steps. The next one starts with `update`, `begin`, `forces` or `move`."""
+        elapsed = self._response.elapsed if self._begun else 0.0
+        self.network.agree([] if elapsed > 0 else ["exchange() needs at least one move() before it"])
+        result = self.flow.implicit(self.boundary, self._at_start, elapsed, self._response.swept() / elapsed, self.tolerance)
+        self._response.end()
+        self._at_start, self._begun, self._force = result.pressure, False, None
         return result
 
     def update(
         self, id: ArrayLike, position: ArrayLike, radius: ArrayLike, wall_position: ArrayLike | None = None, group: ArrayLike | None = None
     ) -> str:
         """Between intervals: take up the grains' present places, as `PoreNetwork.update`, with the pressures carried over."""
-        self.network.agree(["update() comes between intervals: call exchange() first"] if self._elapsed > 0 else [])
-        before = self.network.pores
+        moved = self._begun and self._response.elapsed > 0
+        self.network.agree(["update() comes between intervals: call exchange() first"] if moved else [])
+        before, pressure = self.network.pores, self.pressure
         outcome = self.network.update(id, position, radius, wall_position, group)
         if outcome != "kept":
-            self.pressure = carry_pressure(self.network, self.pressure, before)
+            pressure = carry_pressure(self.network, pressure, before)
         self.flow.refresh(self.flow.body_force)
-        self._begin()
+        self.begin(pressure)
         return outcome

@@ -89,6 +89,10 @@ class Engine(Protocol):
     def set_wall_fluid_force(self, fix_id: str, force: float) -> None:
         """Fluid's force on the wall, N, pushing it outwards; a servo wall holds contact force + fluid force."""
 
+    def couple_fluid(self, fix_id: str, step: tuple[int, int], groups: int, planes: dict[str, tuple[int, int]]) -> None:
+        """Give `fix poreforce/two_way` its fluid: the addresses of a C function and of its first argument (`TwoWayCoupling.for_engine`).
+        planes: fix id of each wall to the face that it stands on and the groups of grains, as bits, that it bears."""
+
     def contacts(self) -> Contacts:
         """Contacts as of the last step."""
 

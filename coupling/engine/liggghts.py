@@ -184,6 +184,14 @@ class LiggghtsEngine:
     def set_wall_fluid_force(self, fix_id: str, force: float) -> None:
         self._styles.poreslip_wall_set_fluid_force(self._lmp, fix_id.encode(), ctypes.c_double(force))
 
+    def couple_fluid(self, fix_id: str, step: tuple[int, int], groups: int, planes: dict[str, tuple[int, int]]) -> None:
+        names = (ctypes.c_char_p * len(planes))(*(name.encode() for name in planes))
+        faces, parts = ((ctypes.c_int * len(planes))(*column) for column in zip(*planes.values()))
+        function, fluid = (ctypes.c_void_p(address) for address in step)
+        status = self._styles.poreslip_couple_fluid(self._lmp, fix_id.encode(), function, fluid, groups, len(planes), names, faces, parts)
+        if status != 0:
+            raise InputError(f"the deck {self._deck} lacks a `fix ... wall/plane` of {', '.join(planes)}, which the driver needs; restore the line")
+
     def contacts(self) -> Contacts:
         buffer = self._contact_rows
         count = self._styles.poreslip_contacts(self._lmp, buffer.ctypes, len(buffer))

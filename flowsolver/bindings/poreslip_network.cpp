@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "network/pore_network.hpp"
+#include "network/pore_response.hpp"
 #include "tessellation/errors.hpp"
 
 namespace nb = nanobind;
@@ -236,4 +237,47 @@ NB_MODULE(poreslip_network, m) {
             return out;
           },
           "Counts over all ranks; seconds of this rank.");
+
+  nb::class_<PoreResponse>(m, "PoreResponse", "What pressures answer to moving grains between two solves of the flow. Collective.")
+      .def(nb::init<PoreNetwork&>(), nb::arg("network"), nb::keep_alive<1, 2>())
+      .def(
+          "begin",
+          [](PoreResponse& self, const std::string& law, In<double, nb::shape<-1>> pressure, In<double, nb::shape<-1>> stiffness) {
+            self.begin(law == "total" ? geometry::ForceLaw::total : geometry::ForceLaw::pressure, pressure.data(), stiffness.data());
+          },
+          nb::arg("law"), nb::arg("pressure"), nb::arg("stiffness"),
+          "Start an interval: pressure (m,) Pa; stiffness (m,) Pa/m^3, 1 / (beta V) or 0 where the pressure stands.")
+      .def("end", &PoreResponse::end, "End the interval (local).")
+      .def(
+          "step",
+          [](PoreResponse& self, double dt, In<double, nb::shape<-1, 3>> velocity, In<double, nb::shape<-1, 6>> wall_velocity,
+             nb::ndarray<double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> force) {
+            auto wall_force = new_array<double>({self.groups(), 6});
+            self.step(dt, velocity.shape(0), nullptr, velocity.data(), wall_velocity.data(), force.data(), wall_force.data());
+            return wall_force;
+          },
+          nb::arg("dt"), nb::arg("velocity"), nb::arg("wall_velocity"), nb::arg("force"),
+          "One step over dt (s): velocity (n, 3) m/s in the order of the network's last update, wall_velocity (G, 6) m/s outward; force "
+          "(n, 3) N before it, in place after it. Returns wall_force (G, 6) N, outward.")
+      .def(
+          "forces",
+          [](const PoreResponse& self) {
+            auto force = new_array<double>({self.grains(), 3});
+            auto wall_force = new_array<double>({self.groups(), 6});
+            self.forces(force.data(), wall_force.data());
+            return std::tuple{force, wall_force};
+          },
+          "Forces of the present pressures: (n, 3) N in the order of the last step, and (G, 6) N, outward.")
+      .def_prop_ro("elapsed", &PoreResponse::elapsed, "s, since the interval began (local).")
+      .def("pressure", [](const PoreResponse& self) { return to_array(self.pressure()); }, "(m,) float64, Pa, local.")
+      .def("swept", [](const PoreResponse& self) { return to_array(self.swept()); },
+           "(m,) float64, m^3, local: volume that each pore gained since the interval began.")
+      .def("work", [](const PoreResponse& self) { return self.work(); },
+           "J, of this rank: done on grains and walls, given by the fluid, sum of the sizes of the first's terms.")
+      .def_prop_ro(
+          "for_engine",
+          [](PoreResponse& self) {
+            return std::tuple{reinterpret_cast<std::uintptr_t>(&PoreResponse::step_for_engine), reinterpret_cast<std::uintptr_t>(&self)};
+          },
+          "Addresses of a C function and of its first argument, by which an engine makes the steps itself.");
 }

@@ -237,6 +237,12 @@ void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const
   });
 }
 
+void for_each_roof(const CellView& cells, const GrainView& grains, const std::function<void(std::size_t, std::size_t, double)>& visit) {
+  for_each_gap_gradient(cells, grains, [&](std::size_t c, Vertex grain, Vertex wall, double gradient) {
+    visit(c, 6 * static_cast<std::size_t>(grains.group[grain]) + wall_of(wall), gradient);
+  });
+}
+
 Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t c, int k) {
   Vertex v[4];
   for (int o = 0; o < 4; ++o) v[o] = cells.vertex[o][c];

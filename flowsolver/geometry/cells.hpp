@@ -2,6 +2,8 @@
 // A wall is the exact limit of a sphere of infinite radius: a direction in every angle, and a gap. Pure functions.
 #pragma once
 
+#include <functional>
+
 #include "geometry/vector3.hpp"
 #include "geometry/view.hpp"
 
@@ -25,6 +27,10 @@ void add_wall_forces(const CellView& cells, const GrainView& grains, const bool*
 // What moving walls add to the rate of change of the cells' volumes, m^3/s: sum of dV/dgap times the wall's outward speed.
 // wall_velocity (groups, 6), m/s, along each wall's outward normal. Adds to rate (m).
 void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const double* wall_velocity, double* rate);
+
+// Calls visit(cell, entry, area) for every part of a wall that is a cell's roof, some several times: the cell's volume grows by area,
+// m^2, for each metre that the wall moves outward; entry = 6 * group + wall.
+void for_each_roof(const CellView& cells, const GrainView& grains, const std::function<void(std::size_t, std::size_t, double)>& visit);
 
 // Gradient of one cell's own volume with respect to the position of its vertex k, m^2.
 Vector3 cell_volume_gradient(const CellView& cells, const GrainView& grains, std::size_t cell, int k);

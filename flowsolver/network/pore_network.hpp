@@ -89,12 +89,16 @@ class PoreNetwork {
 
   NetworkReport report() const;
 
-  // For the flow solver. exchange() is collective the first time after a mesh was made.
+  // For the flow solver and the response between its solves. exchange() is collective the first time after a mesh was made.
   MPI_Comm communicator() const { return comm_; }
   const Domain& domain() const { return domain_; }
   const Mesh& mesh() const { return mesh_; }
   const LocalGrains& local_grains() const { return local_; }
   GrainView view() const;
+  std::size_t own_grains() const { return own_.size(); }               // of the mesh, in its own order
+  const Halo& halo() const { return halo_; }
+  const GrainDirectory& directory() const { return directory_; }
+  const std::vector<std::size_t>& wall_facets() const { return wall_facets_; }  // facets of cells that have walls
   const PoreExchange& exchange();
   std::int64_t mesh_number() const { return mesh_number_; }  // changes whenever the mesh does
 

@@ -55,6 +55,23 @@ def test_work_and_mass_close_every_interval(pack, split):
         assert coupling.exchange().mass_residual < 1e-10
 
 
+def test_steps_have_the_networks_coefficients(pack):
+    """Volumes and forces of a step, with walls that move, are those of `volume_rate` and `forces` where the interval began; either law."""
+    net, flow, x, _ = pack
+    rng = np.random.default_rng(3)
+    for law in ("total", "pressure"):
+        coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, rng.uniform(0, 1e4, net.pores), law=law)
+        velocity, walls, before = rng.normal(size=x.shape) * 1e-6, rng.normal(size=(1, 6)) * 1e-6, coupling.pressure
+        coupling.move(velocity, 1e-8, walls)
+        given = flow.given(DRAINED_BELOW)
+        expected = before - np.where(given, 0.0, net.volume_rate(velocity, walls) * 1e-8 / flow.storage)
+        np.testing.assert_allclose(coupling.pressure, expected, rtol=1e-12)
+        for one, other in zip(coupling.forces(), net.forces(expected, law)):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
+        done, given_by_fluid, size = coupling.work
+        assert (abs(done - given_by_fluid) < 1e-13 * size) == (law == "total")
+
+
 def test_both_splits_have_the_same_solve(pack):
     """The split decides what the grains feel within an interval, not what the fluid does over it."""
     net, flow, x, _ = pack
@@ -90,6 +107,8 @@ def test_bad_input(pack):
         TwoWayCoupling(net, flow, DRAINED_BELOW, p, "half")
     with pytest.raises(InputError, match="compressibility above 0"):
         TwoWayCoupling(net, PoreFlow(net, 1e-3), DRAINED_BELOW, p)
+    with pytest.raises(InputError, match="law is 'half'"):
+        TwoWayCoupling(net, flow, DRAINED_BELOW, p, law="half")
     coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, p)
     with pytest.raises(InputError, match=r"at least one move\(\)"):
         coupling.exchange()

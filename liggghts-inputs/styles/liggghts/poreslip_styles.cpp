@@ -8,6 +8,7 @@
 #include "fix_bond_settings.h"
 #include "fix_damping_local.h"
 #include "fix_poreforce.h"
+#include "fix_poreforce_two_way.h"
 #include "fix_wall_plane.h"
 #include "instance_state.h"
 #include "lammps.h"
@@ -57,6 +58,7 @@ void poreslip_register_styles(void *handle)
   styles["bond/settings"] = &create<poreslip::FixBondSettings>;
   styles["damping/local"] = &create<poreslip::FixDampingLocal>;
   styles["poreforce"] = &create<poreslip::FixPoreForce>;
+  styles["poreforce/two_way"] = &create<poreslip::FixPoreForceTwoWay>;
   styles["wall/plane"] = &create<poreslip::FixWallPlane>;
 }
 
@@ -101,6 +103,20 @@ int poreslip_wall_state(void *lmp, const char *fix_id, double *out)
   poreslip::FixWallPlane *wall = find_wall(lmp, fix_id);
   if (wall == nullptr) return -1;
   std::copy_n(wall->state(), static_cast<int>(poreslip::FixWallPlane::state_columns), out);
+  return 0;
+}
+
+int poreslip_couple_fluid(void *lmp, const char *fix_id, poreslip_fluid_step step, void *fluid, int groups, int planes,
+                          const char *const *plane_id, const int *face, const int *parts)
+{
+  auto *coupled = dynamic_cast<poreslip::FixPoreForceTwoWay *>(static_cast<LAMMPS *>(lmp)->modify->find_fix_id(fix_id));
+  if (coupled == nullptr) return -1;
+  std::vector<poreslip::FixPoreForceTwoWay::Plane> found;
+  for (int w = 0; w < planes; ++w) {
+    found.push_back({find_wall(lmp, plane_id[w]), face[w], parts[w]});
+    if (found.back().wall == nullptr) return -2;
+  }
+  coupled->couple(step, fluid, groups, std::move(found));
   return 0;
 }
 

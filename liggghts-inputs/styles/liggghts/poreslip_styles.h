@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-/* Registers the fixes bond/settings, wall/plane, damping/local and poreforce. Once after each
+/* Registers the fixes bond/settings, wall/plane, damping/local, poreforce and poreforce/two_way. Once after each
    lammps_open; further calls do nothing. The contact model is known as soon as the library is loaded. */
 void poreslip_register_styles(void *lmp);
 
@@ -38,6 +38,18 @@ int poreslip_wall_set_fluid_force(void *lmp, const char *fix_id, double force);
 /* out[7]: position (m), velocity of the position (m/s), contact force (N), fluid force (N), number of contacts,
    work done on the grains (J), steps at which the servo's speed was limited. Returns 0, or -1. */
 int poreslip_wall_state(void *lmp, const char *fix_id, double *out);
+
+/* A pore fluid's answer to one step of the engine. `grains` of this rank, in any order, moved at velocity[grains][3] (m/s) over
+   dt (s), and the planes at plane_velocity[groups][6] (m/s, outward; x low, x high, ... z high, for each group of grains). In:
+   the forces before the step; out: after it, force[grains][3] (N), and on the planes plane_force[groups][6] (N, outward, over all
+   ranks). Called on all ranks together. Returns NULL, or what went wrong, on all ranks. */
+typedef const char *(*poreslip_fluid_step)(void *fluid, double dt, int grains, const int *id, const double *velocity,
+                                           const double *plane_velocity, double *force, double *plane_force);
+
+/* Gives a fix poreforce/two_way its fluid. Plane w, a fix wall/plane of id plane_id[w], stands on face[w] for the groups of grains
+   whose bits are set in parts[w]. Returns 0, -1 if there is no such fix poreforce/two_way, or -2 if a plane is missing. */
+int poreslip_couple_fluid(void *lmp, const char *fix_id, poreslip_fluid_step step, void *fluid, int groups, int planes,
+                          const char *const *plane_id, const int *face, const int *parts);
 
 #ifdef __cplusplus
 }

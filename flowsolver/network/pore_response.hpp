@@ -1,0 +1,80 @@
+// Between two solves of the flow: what the pores' pressures answer to each step of the grains, and the forces of these pressures.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "geometry/cell_response.hpp"
+#include "geometry/facets.hpp"
+#include "network/grain_directory.hpp"
+#include "network/pore_network.hpp"
+
+namespace poreslip {
+
+// Volumes swept by the grains and the forces on them come from the gradients of the pores' volumes where the grains were when
+// the interval began. Collective. Grains may change their order and their rank within an interval.
+class PoreResponse {
+ public:
+  explicit PoreResponse(PoreNetwork& network) : network_(network) {}
+
+  // Starts an interval in the network's present state. pressure (pores), Pa; stiffness (pores), Pa/m^3: 1 / (beta V) where a
+  // pressure answers as if no fluid passed any throat, 0 where it stands.
+  void begin(geometry::ForceLaw law, const double* pressure, const double* stiffness);
+
+  // Ends the interval: no step is made before the next begins.
+  void end() { begun_ = false; }
+
+  // One step of `count` grains of this rank: by dt * velocity (count, 3), and of the walls by dt * wall_velocity (groups, 6),
+  // outward. id (count,) in any order, or null on all ranks: that of the step before. In: the forces before the step, in the
+  // present order; out: the forces after it (count, 3), and on the walls (groups, 6), outward, over all ranks.
+  void step(double dt, std::size_t count, const std::int32_t* id, const double* velocity, const double* wall_velocity,
+            double* force, double* wall_force);
+
+  // Forces of the present pressures, in the order of the last step, or else of the network's last update.
+  void forces(double* force, double* wall_force) const;
+
+  // The same as step for a program that is not to know this class: null, or what went wrong on all ranks.
+  static const char* step_for_engine(void* response, double dt, int count, const int* id, const double* velocity,
+                                     const double* wall_velocity, double* force, double* wall_force);
+
+  std::size_t grains() const { return directory_.input_size(); }
+  std::size_t groups() const { return wall_before_.size() / 6; }
+  double elapsed() const { return elapsed_; }                          // s, since the interval began
+  const std::vector<double>& pressure() const { return pressure_; }    // (pores), Pa
+  const std::vector<double>& swept() const { return swept_; }          // (pores), m^3: volumes gained since then
+  // Of this rank, J: done on grains and walls by the mean of the forces before and after each step; given by the fluid; and
+  // the sizes of the first's terms.
+  const std::array<double, 3>& work() const { return work_; }
+
+ private:
+  struct Roof {
+    std::size_t cell, entry;  // entry of wall_velocity
+    double area;              // m^2
+  };
+
+  void take_gradients(geometry::ForceLaw law);
+  void take_order(std::size_t count, const std::int32_t* id);
+  void spread(double dt, const double* velocity);
+  void collect(std::vector<geometry::Four>& force, double* out) const;
+  void sum_roofs(double* wall_force) const;
+
+  PoreNetwork& network_;
+  GrainDirectory directory_;
+  std::vector<std::int32_t> id_;                 // the caller's order; empty: that of the network's last update
+  bool alone_ = true;                            // every local grain is one of the caller's: no halo, no strays
+  std::vector<std::int32_t> input_of_local_;     // where alone: place in the caller's order
+  geometry::CellGradients volume_, push_;        // push_: where forces are not the gradients of the volumes, else empty
+  std::vector<Roof> roof_;
+  std::vector<double> pressure_, stiffness_, swept_, gained_;
+  std::vector<geometry::Four> displacement_;
+  mutable std::vector<geometry::Four> force_;
+  std::vector<double> before_, wall_before_;     // forces before the step
+  bool begun_ = false;
+  double elapsed_ = 0.0;
+  std::array<double, 3> work_{};
+  std::string message_;
+};
+
+}  // namespace poreslip
