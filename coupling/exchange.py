@@ -21,6 +21,9 @@ class Dry:
 
     def __init__(self, engine: Engine, phases: Phases):
         self._engine, self._phases = engine, phases
+        #: Residuals of the last interval by name, and counts of the linear solver over the run.
+        self.final: dict[str, float] = {}
+        self.solver: dict[str, float] = {}
 
     def synchronise(self) -> None:
         """Forget what a run that starts from this point's checkpoint does not know."""
@@ -85,8 +88,9 @@ class PrescribedFlow(Dry):
             pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)
         with self._phases.timed("forces"):
             force, wall_force = self._network.forces(pressure, self._law)
-            engine.property_atom("pore_force")[:] = force
-            self._walls.set_fluid_forces(engine, wall_force)
+            with self._phases.timed("exchange"):
+                engine.property_atom("pore_force")[:] = force
+                self._walls.set_fluid_forces(engine, wall_force)
             if self._law == "total":
                 self._measure_residual(force, wall_force)
 
@@ -99,7 +103,8 @@ class PrescribedFlow(Dry):
         resultant = sums[:3] + (wall_force[:, 1::2] - wall_force[:, 0::2]).sum(axis=0)
         size = sums[3] + np.abs(wall_force).sum()
         if size > 0.0:
-            self.momentum_residual = max(self.momentum_residual, float(np.linalg.norm(resultant) / size))
+            self.final["momentum_residual"] = float(np.linalg.norm(resultant) / size)
+            self.momentum_residual = max(self.momentum_residual, self.final["momentum_residual"])
 
     def figures(self, progress: float) -> dict[str, float]:
         """Pressures of the left and the right block, Pa."""

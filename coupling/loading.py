@@ -86,6 +86,11 @@ class Loading:
         return min(self._steps, *((step // n + 1) * n for n in intervals), *(s for s in self._snapshots.steps if s > step))
 
     @property
+    def broken(self) -> dict[str, int]:
+        """Bonds broken since loading began, by mode."""
+        return dict(zip(("tension", "shear"), self._broken))
+
+    @property
     def _time(self) -> float:
         return self._engine.step * self._engine.time_step
 

@@ -19,8 +19,23 @@ HISTORY_COLUMNS = (
     "p_left_Pa", "p_right_Pa", "vertical_strain_rate_per_s", "slip_left_m", "slip_right_m", "bonds_intact",
     "bonds_broken_tension", "bonds_broken_shear", "coordination_gouge", "contacts_gouge", "porosity_gouge",
     "contact_force_mean_N", "contact_force_max_N", "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds",
-    "overlap_max_over_d", "inertial_number",
+    "overlap_max_over_d", "inertial_number", "loading_rate",
 )  # fmt: skip
+
+
+def inertial_number(rate_per_s: float, diameter_m: float, density_kg_m3: float, stress_Pa: float) -> float:
+    """I = shear rate * d / sqrt(stress / density): below 1e-3 a pack is quasi-static (GDR MiDi 2004)."""
+    return rate_per_s * diameter_m * math.sqrt(density_kg_m3 / max(abs(stress_Pa), 1.0))
+
+
+def loading_rate(engine: Engine, comm, driven: tuple[str, ...]) -> float:
+    """Way of the fastest of the driven walls in a step, over the mean overlap of the contacts; 0 where no wall is driven. Collective."""
+    if not driven:
+        return 0.0
+    overlap = engine.contacts().overlap
+    total, count = comm.allreduce(np.array([overlap.sum(), float(len(overlap))]))
+    way = max(abs(engine.wall(name).velocity) for name in driven) * engine.time_step
+    return way * count / total if total > 0.0 else 0.0
 
 
 class Measures:
@@ -47,8 +62,10 @@ class Measures:
         row["vertical_strain_rate_per_s"] = self._rate(time, row["vertical_strain"])
         mean_stress = 0.5 * (abs(row["sigma_h_left_Pa"] + row["sigma_h_right_Pa"]) / 2 + abs(row["sigma_v_Pa"]))
         rate = max(abs(self._case.loading.strain_rate_per_s), abs(row["vertical_strain_rate_per_s"]))
-        # I = shear rate * d / sqrt(stress / density): below 1e-3 the pack is quasi-static (GDR MiDi 2004).
-        row["inertial_number"] = rate * 2 * self._case.mean_radius_m * math.sqrt(self._case.pack.density_kg_m3 / max(mean_stress, 1.0))
+        row["inertial_number"] = inertial_number(rate, 2.0 * self._case.mean_radius_m, self._case.pack.density_kg_m3, mean_stress)
+        # The x walls of the scene "supplement" are driven by a stress.
+        driven = ("x_left", "x_right") if self._case.scene == "two_sides" else ()
+        row["loading_rate"] = loading_rate(engine, comm, driven)
         return {name: row[name] for name in HISTORY_COLUMNS}
 
     @staticmethod
@@ -83,7 +100,7 @@ class Measures:
     def quality(self, row: dict[str, float]) -> dict[str, float]:
         """Figures of a line whose largest values tell how nearly static the run was."""
         left, right = row["sigma_h_left_Pa"], row["sigma_h_right_Pa"]
-        names = ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "kinetic_energy_J")
+        names = ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "loading_rate", "kinetic_energy_J")
         return {name: row[name] for name in names} | {"wall_stress_difference": 2 * abs(left - right) / max(abs(left + right), 1e-300)}
 
     def ending(self, row: dict[str, float]) -> str | None:

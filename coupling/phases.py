@@ -8,23 +8,46 @@ from contextlib import contextmanager
 
 
 class Phases:
-    """Wall and CPU seconds, and calls, by phase, of this rank."""
+    """Wall and CPU seconds, and calls, by phase, of this rank. Each second counts once: for the innermost phase that is being timed.
+
+    stages: pack, initial stress, bonds. engine: the grains' steps. tessellation: the mesh, kept or made. geometry: throats and volumes.
+    assembly, solve: of the linear system. forces: of the fluid on grains and walls. exchange: arrays to and from the engine. pressure: what is
+    given, and the pressures' answer to the grains' steps. flow: what else the fluid takes. measures, output: of the history.
+    """
 
     def __init__(self) -> None:
         self.wall: dict[str, float] = {}
         self.cpu: dict[str, float] = {}
         self.calls: dict[str, int] = {}
+        self._within: list[list[float]] = []
 
     @contextmanager
     def timed(self, phase: str) -> Iterator[None]:
-        """Add the block's time to ``phase``."""
+        """Add the block's time, but for what phases inside of it take, to ``phase``."""
+        inside = [0.0, 0.0]
+        self._within.append(inside)
         wall, cpu = time.perf_counter(), time.process_time()
         try:
             yield
         finally:
-            self.wall[phase] = self.wall.get(phase, 0.0) + time.perf_counter() - wall
-            self.cpu[phase] = self.cpu.get(phase, 0.0) + time.process_time() - cpu
-            self.calls[phase] = self.calls.get(phase, 0) + 1
+            wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+            self._within.pop()
+            if self._within:
+                self._within[-1][0] += wall
+                self._within[-1][1] += cpu
+            self._add(phase, wall - inside[0], cpu - inside[1], 1)
+
+    def shared(self, phase: str, seconds: dict[str, float]) -> None:
+        """Hand part of a phase's time on to others. seconds: wall seconds of each, measured by what was called; CPU time goes with them."""
+        rate = self.cpu[phase] / self.wall[phase] if self.wall.get(phase) else 0.0
+        for name, wall in seconds.items():
+            self._add(name, wall, rate * wall, 1)
+            self._add(phase, -wall, -rate * wall, 0)
+
+    def _add(self, phase: str, wall: float, cpu: float, calls: int) -> None:
+        self.wall[phase] = self.wall.get(phase, 0.0) + wall
+        self.cpu[phase] = self.cpu.get(phase, 0.0) + cpu
+        self.calls[phase] = self.calls.get(phase, 0) + calls
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         return {name: {"wall_s": self.wall[name], "cpu_s": self.cpu[name], "calls": self.calls[name]} for name in self.wall}

@@ -8,13 +8,14 @@ from coupling.balance import unbalanced_force_ratio
 from coupling.case_schema import FACES, PACK, RunCase
 from coupling.engine.interface import Engine
 from coupling.fault_geometry import FaultGeometry
+from coupling.measures import inertial_number, loading_rate
 from coupling.walls import SceneWalls, wall_positions
 
 SAMPLE_COLUMNS = (
     "step", "time_s", "strain_x", "strain_y", "strain_z", "sigma_x_Pa", "sigma_y_Pa", "sigma_z_Pa",
     "contact_stress_x_Pa", "contact_stress_y_Pa", "contact_stress_z_Pa", "pressure_mean_Pa", "pressure_min_Pa", "pressure_max_Pa",
     *(f"outflow_{face}_m3_per_s" for face in FACES), "porosity", "coordination", "contact_force_mean_N", "contact_force_max_N",
-    "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds", "overlap_max_over_d",
+    "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds", "overlap_max_over_d", "inertial_number", "loading_rate",
 )  # fmt: skip
 
 
@@ -28,6 +29,7 @@ class SampleMeasures:
 
     def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
         self._case, self._walls, self._reference = case, walls, reference
+        self._driven = tuple(name for name in PACK if case.sample.motion(name)[0] == "speed")
 
     def resume(self, previous: None) -> None:
         """Nothing is carried over from the line before a checkpoint."""
@@ -65,7 +67,11 @@ class SampleMeasures:
             "unbalanced_force_ratio": unbalanced_force_ratio(engine, comm),
             "kinetic_energy_J": kinetic,
             "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
+            "loading_rate": loading_rate(engine, comm, self._driven),
         }
+        closing = [abs(state[high].velocity - state[low].velocity) for low, high in zip(PACK[0::2], PACK[1::2])]
+        mean_stress = sum(row[f"sigma_{name}_Pa"] for name in "xyz") / 3.0
+        row["inertial_number"] = inertial_number(max(closing / size), 2.0 * self._case.mean_radius_m, self._case.pack.density_kg_m3, mean_stress)
         return {name: row[name] for name in SAMPLE_COLUMNS}
 
     def strain(self, engine: Engine) -> float:
@@ -78,7 +84,7 @@ class SampleMeasures:
 
     def quality(self, row: dict[str, float]) -> dict[str, float]:
         """Figures of a line whose largest values tell how nearly static the run was."""
-        return {name: row[name] for name in ("unbalanced_force_ratio", "overlap_max_over_d", "kinetic_energy_J")}
+        return {name: row[name] for name in ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "loading_rate", "kinetic_energy_J")}
 
     def ending(self, row: dict[str, float]) -> str | None:
         """A sample is loaded to its end."""

@@ -66,7 +66,7 @@ class TwoWayFlow(Dry):
                     self._couple()
                 else:
                     self._coupling.begin(self._pressure)
-                self._set_forces()
+            self._set_forces()
             self._measure_momentum()
 
     def advance(self, steps: int) -> None:
@@ -86,15 +86,26 @@ class TwoWayFlow(Dry):
         on_grains, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
         if size > 0.0 and self._law == "total":
             self._keep_worst("work_residual", abs(on_grains - by_fluid) / size)
-        self._result = self._coupling.exchange()
+        with self._phases.timed("solve"):
+            self._result = self._coupling.exchange()
+        report = self._result.report
+        self._phases.shared("solve", {"assembly": report["seconds"]["assemble"]})
         self._pressure = self._result.pressure
         self._keep_worst("mass_residual", self._result.mass_residual)
+        self.solver |= {
+            "solves": self.solver.get("solves", 0) + 1,
+            "iterations": self.solver.get("iterations", 0) + report["iterations"],
+            **{f"{name}_at_most": max(self.solver.get(f"{name}_at_most", 0), report[name])
+               for name in ("iterations", "residual", "limited_pores", "limited_throats", "isolated_pores")},
+        }  # fmt: skip
 
     def _set_forces(self) -> None:
         """Set the forces of the present pressures on the engine's grains and walls."""
-        self._force, self._wall_force = self._coupling.forces()
-        self._engine.property_atom("pore_force")[:] = self._force
-        self._walls.set_fluid_forces(self._engine, self._wall_force)
+        with self._phases.timed("forces"):
+            self._force, self._wall_force = self._coupling.forces()
+        with self._phases.timed("exchange"):
+            self._engine.property_atom("pore_force")[:] = self._force
+            self._walls.set_fluid_forces(self._engine, self._wall_force)
 
     # -- the mesh ---------------------------------------------------------------------------------------------------------
 
@@ -106,7 +117,7 @@ class TwoWayFlow(Dry):
             outcome = network.update(
                 engine.atom("id"), engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
                 group=engine.atom("type") - np.int32(1), rebuild=rebuild)
-        with self._phases.timed("flow"):
+        with self._phases.timed("geometry"):
             if self._flow is None:
                 self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)
                 self._pressure = self._restored() if self._saved else np.full(network.pores, self._fluid.initial_pressure_Pa)
@@ -211,6 +222,7 @@ class TwoWayFlow(Dry):
         return report
 
     def _keep_worst(self, name: str, value: float) -> None:
+        self.final[name] = float(value)
         self._worst[name] = max(self._worst[name], float(value))
 
     @contextmanager

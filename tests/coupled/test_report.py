@@ -6,6 +6,7 @@ import json
 
 import pytest
 from processes import the_message
+from sample_runs import SQUEEZE
 from tiny_fault import history, settings
 
 #: Compressed at a few per cent of the tiny fault's own rate, over a small strain.
@@ -47,11 +48,47 @@ def test_a_slow_run_is_quasi_static(start, tmp_path):
     assert 0.0 < checks["wall_stress_difference"] < 2e-2
     assert 0.0 < checks["inertial_number"] < 1e-3
     assert 0.0 < checks["overlap_max_over_d"] < 1e-2
+    assert 0.0 < checks["loading_rate"] < 2e-2
     # The worst of the run stand in the report, and the last line of the history.
     rows = history(run)
     assert checks["unbalanced_force_ratio"] == pytest.approx(rows["unbalanced_force_ratio"].max(), rel=1e-9)
     assert report["last"]["strain"] == pytest.approx(rows["strain"][-1], rel=1e-9)
     assert report["complete"] is True and report["ended"] == "the end of loading"
+
+
+def test_a_two_way_run_tells_where_its_time_went_and_how_well_it_closed(poreslip, tmp_path, stage_cache):
+    """A pack squeezed by a driven wall, in which the mesh changes."""
+    (tmp_path / "squeeze.toml").write_text(SQUEEZE)
+    inputs = settings("sample.loading_time_s=1e-5", "output.checkpoint_every_steps=0")
+    done = poreslip("run", tmp_path / "squeeze.toml", "--out", tmp_path / "out", *inputs, env={"PORESLIP_CACHE": str(stage_cache)})
+    assert done.returncode == 0, done.stderr
+    run = tmp_path / "out" / "squeeze" / "run"
+    report = json.loads((run / "report.json").read_text())
+    (phases,) = report["cpu_s_by_phase_and_rank"]
+    assert {"engine", "exchange", "tessellation", "geometry", "assembly", "solve", "forces", "output"} <= set(phases)
+    assert all(spent["cpu_s"] >= 0.0 and spent["wall_s"] >= 0.0 for spent in phases.values())
+    assert report["loading_cpu_s"] == pytest.approx(sum(spent["cpu_s"] for name, spent in phases.items() if name != "stages"))
+    assert report["grain_steps_per_cpu_s"] == pytest.approx(report["steps"] * report["grains"] / report["loading_cpu_s"])
+    assert report["peak_memory_bytes_by_rank"][0] > 1e7
+    # Solved at the end of each interval of 20 steps.
+    solver, rows = report["solver"], history(run)
+    assert solver["solves"] == -(-report["steps"] // 20) and 0 < solver["iterations_at_most"] <= solver["iterations"]
+    assert set(report["balances"]) == {"momentum_residual", "work_residual", "mass_residual", "remesh_mass_residual"}
+    assert all(0.0 <= one["final"] <= one["worst"] for one in report["balances"].values())
+    # The mesh is taken up before each of them, and once before the first forces.
+    assert sum(report["remeshes"].values()) == solver["solves"] + 1 and report["remeshes"]["repaired"] > 0
+    # The one driven wall's way in a step over an overlap of 1e-3 d, and the strain rate of 20 m/s over the box.
+    checks = report["quasi_static_checks"]
+    step = 20.0 * report["last"]["time_s"] / report["last"]["step"]
+    assert checks["loading_rate"] == pytest.approx(rows["loading_rate"].max(), rel=1e-9)
+    assert 1e-4 * 2e-3 < step / rows["loading_rate"][0] < rows["overlap_max_over_d"][0] * 2e-3
+    assert checks["inertial_number"] > 20.0 / 0.014 * 2e-3 * (2650 / rows["sigma_z_Pa"].max()) ** 0.5
+    assert [warning.split()[0] for warning in report["warnings"]].count("inertial_number") == 1
+    taken = report["interpretations"]
+    assert taken["conductance"] == "duct" and taken["perimeter"].startswith("whole") and taken["split"] == "undrained" and taken["bond_strength"] == "no bonds"
+    page = (run / "report.md").read_text()
+    for words in ("| mass_residual |", "solver: iterations |", "| mesh repaired |", "| assembly |", "bonds broken in shear", "Peak memory"):
+        assert words in page
 
 
 def test_runs_of_a_case_do_not_know_each_other(start, run_fault, tmp_path):
