@@ -11,8 +11,8 @@ class Phases:
     """Wall and CPU seconds, and calls, by phase, of this rank. Each second counts once: for the innermost phase that is being timed.
 
     stages: pack, initial stress, bonds. engine: the grains' steps. tessellation: the mesh, kept or made. geometry: throats and volumes.
-    assembly, solve: of the linear system. forces: of the fluid on grains and walls. exchange: arrays to and from the engine. pressure: what is
-    given, and the pressures' answer to the grains' steps. flow: what else the fluid takes. measures, output: of the history.
+    assembly, solve: of the linear system. forces: of the fluid on grains and walls, with the pressures' answer to each step. exchange: arrays
+    to and from the engine. pressure: given ones. flow: what else the fluid takes. measures, output: of the history.
     """
 
     def __init__(self) -> None:

@@ -71,7 +71,9 @@ class TwoWayFlow(Dry):
 
     def advance(self, steps: int) -> None:
         """Make steps of the engine, and let the fluid flow where an interval ends."""
+        before = self._coupling.seconds
         super().advance(steps)
+        self._phases.shared("engine", {"forces": self._coupling.seconds - before})
         if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
             with self._failures_told(), self._phases.timed("flow"):
                 self._exchange()

@@ -87,6 +87,11 @@ class TwoWayCoupling:
         return tuple(self._response.work())
 
     @property
+    def seconds(self) -> float:
+        """Wall seconds that all steps so far took on this rank (local)."""
+        return self._response.seconds
+
+    @property
     def for_engine(self) -> tuple[int, int]:
         """Addresses of a C function and of its first argument (local), for an engine that makes the steps itself. They stay the same.
 

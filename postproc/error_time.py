@@ -11,10 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.observables import Observed, ResultFiles, report
-
-#: Phase of a run that is no part of its cost: packs are made once, and kept.
-MADE_ONCE = "stages"
+from postproc.observables import NotObserved, Observed, ResultFiles, report
 
 
 @dataclass(frozen=True)
@@ -93,19 +90,16 @@ def short(value: Any) -> str:
 
 
 def cost(files: ResultFiles, wall_s: float, cpu_s: float) -> Cost:
-    """What a run took by its own report, without what is made once for all runs; wall_s, cpu_s: of its process, for want of better."""
+    """What a run took by its own report, without what is made once for all runs; wall_s, cpu_s: of its process, where it left none."""
     try:
         found = report(files.directory)
-    except Exception:
+    except (NotObserved, ValueError):
         return Cost(cpu_s, wall_s, 0, 0)
-    if "cpu_s_by_phase_and_rank" in found:
-        spent = [{name: phase for name, phase in part.items() if name != MADE_ONCE} for part in found["cpu_s_by_phase_and_rank"]]
-        cpu = sum(phase["cpu_s"] for part in spent for phase in part.values())
-        wall = max(sum(phase["wall_s"] for phase in part.values()) for part in spent)
-        return Cost(cpu, wall, int(found["steps"]), int(found.get("solver", {}).get("iterations", 0)))
-    seconds = found.get("seconds", {})
-    steps = int(found.get("substeps") or found.get("steps") or 1)
-    return Cost(float(found.get("cpu_seconds", seconds.get("total", cpu_s))), float(seconds.get("total", wall_s)), steps, int(found.get("iterations", 0)))
+    if "loading_cpu_s" in found:
+        return Cost(found["loading_cpu_s"], found["loading_wall_s"], int(found["steps"]), int(found["solver"].get("iterations", 0)))
+    # Of poreflow: the computation without the start of the process, which had this share of a core.
+    wall = float(found["seconds"]["total"])
+    return Cost(wall * cpu_s / wall_s, wall, int(files.setting.get("--steps", 1)), int(found["iterations"]))
 
 
 def error_of(observed: Observed, expected: Observed, relative: bool) -> float:

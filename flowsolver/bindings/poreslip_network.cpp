@@ -268,6 +268,7 @@ NB_MODULE(poreslip_network, m) {
             return std::tuple{force, wall_force};
           },
           "Forces of the present pressures: (n, 3) N in the order of the last step, and (G, 6) N, outward.")
+      .def_prop_ro("seconds", &PoreResponse::seconds, "s that all steps took on this rank (local).")
       .def_prop_ro("elapsed", &PoreResponse::elapsed, "s, since the interval began (local).")
       .def("pressure", [](const PoreResponse& self) { return to_array(self.pressure()); }, "(m,) float64, Pa, local.")
       .def("swept", [](const PoreResponse& self) { return to_array(self.swept()); },

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "geometry/cells.hpp"
+#include "network/timer.hpp"
 #include "network/wall_steps.hpp"
 #include "tessellation/errors.hpp"
 
@@ -158,6 +159,7 @@ void PoreResponse::forces(double* force, double* wall_force) const {
 
 void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, const double* velocity,
                         const double* wall_velocity, double* force, double* wall_force) {
+  const Timer timer(seconds_);
   if (!begun_) throw ComputationError("the grains moved, and no interval of the flow had begun");
   if (id) {
     int same = count == id_.size() && std::equal(id, id + count, id_.begin());

@@ -47,6 +47,7 @@ class PoreResponse {
   // Of this rank, J: done on grains and walls by the mean of the forces before and after each step; given by the fluid; and
   // the sizes of the first's terms.
   const std::array<double, 3>& work() const { return work_; }
+  double seconds() const { return seconds_; }                          // of this rank, that all steps took
 
  private:
   struct Roof {
@@ -74,6 +75,7 @@ class PoreResponse {
   bool begun_ = false;
   double elapsed_ = 0.0;
   std::array<double, 3> work_{};
+  double seconds_ = 0.0;
   std::string message_;
 };
 
