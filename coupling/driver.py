@@ -107,7 +107,7 @@ class Run:
         engine.run(0, setup=True)
         engine.property_atom("reference_position")[:] = engine.unwrapped_position()
         reference = self._measures.reference(engine, self.comm, fault, walls)
-        return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}}
+        return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}, "watch": None}
 
     def _flow(self, engine, fault, walls, saved):
         from coupling import exchange

@@ -18,6 +18,8 @@ class Dry:
 
     rebuilds = 0
     momentum_residual = 0.0
+    #: Work of the pore forces on this rank's grains, J, up to the last update or, two-way, step.
+    work_on_grains = 0.0
 
     def __init__(self, engine: Engine, phases: Phases):
         self._engine, self._phases = engine, phases
@@ -67,6 +69,7 @@ class PrescribedFlow(Dry):
         self._law = case.flow.forces
         self._network = PoreNetwork(comm, np.array(lower), np.array(upper), np.array([False, False, walls.periodic_z]))
         self._rebuild = False
+        self._worked, self._at_update = 0.0, None
 
     def synchronise(self) -> None:
         """Build the mesh anew at the next update, as a run that starts from this point's checkpoint does."""
@@ -88,11 +91,22 @@ class PrescribedFlow(Dry):
             pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)
         with self._phases.timed("forces"):
             force, wall_force = self._network.forces(pressure, self._law)
+            self._worked = self.work_on_grains
             with self._phases.timed("exchange"):
                 engine.property_atom("pore_force")[:] = force
                 self._walls.set_fluid_forces(engine, wall_force)
+            self._at_update = self._force_times_position()
             if self._law == "total":
                 self._measure_residual(force, wall_force)
+
+    @property
+    def work_on_grains(self) -> float:
+        """Forces, which stand between updates, times displacements: summed over the ranks, for grains change rank in between."""
+        return self._worked + (self._force_times_position() - self._at_update if self._at_update is not None else 0.0)
+
+    def _force_times_position(self) -> float:
+        """Sum over this rank's grains, J."""
+        return float((self._engine.property_atom("pore_force") * self._engine.unwrapped_position()).sum())
 
     def _measure_residual(self, force: np.ndarray, wall_force: np.ndarray) -> None:
         """Keep the largest resultant of the fluid's forces on all grains and walls, over the sum of their sizes: 0 but for rounding.

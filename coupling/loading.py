@@ -16,6 +16,7 @@ from coupling.sample_measures import SampleMeasures
 from coupling.signals import StopRequest
 from coupling.stages import load_deck_digest
 from coupling.walls import SceneWalls
+from coupling.watch import Watch
 
 
 @dataclass
@@ -42,6 +43,7 @@ class Loading:
         self._broken = list(state["broken"])
         self._rebuilds_before = state["rebuilds"]
         self._steps = case.loading_steps
+        self._watch = Watch(case, engine, comm, walls, flow, state["watch"])
         self.worst: dict[str, float] = dict(state["worst"])
         self.last: dict[str, float] = dict(state["last"])
 
@@ -113,7 +115,7 @@ class Loading:
             self._output.history(row)
             self._output.breaks(rows, self._measures.strain(self._engine))
         self.last = row
-        for name, value in (self._flow.residuals | self._measures.quality(row)).items():
+        for name, value in (self._flow.residuals | self._measures.quality(row) | self._watch.look(row)).items():
             self.worst[name] = max(self.worst.get(name, 0.0), value)
 
     def _snapshot(self, last: bool = False) -> None:
@@ -133,6 +135,7 @@ class Loading:
                 "previous": self._measures.previous,
                 "worst": self.worst,
                 "last": self.last,
+                "watch": self._watch.state,
                 "ranks": self._comm.size,
                 "case_sha256": checkpoint.case_digest(self._case),
                 "tables": self._output.lengths(),

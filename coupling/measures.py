@@ -19,7 +19,7 @@ HISTORY_COLUMNS = (
     "p_left_Pa", "p_right_Pa", "vertical_strain_rate_per_s", "slip_left_m", "slip_right_m", "bonds_intact",
     "bonds_broken_tension", "bonds_broken_shear", "coordination_gouge", "contacts_gouge", "porosity_gouge",
     "contact_force_mean_N", "contact_force_max_N", "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds",
-    "overlap_max_over_d", "inertial_number", "loading_rate",
+    "overlap_max_over_d", "inertial_number", "loading_rate", "contact_energy_J",
 )  # fmt: skip
 
 
@@ -167,6 +167,7 @@ class Measures:
             0.5 * float(mass @ (velocity**2).sum(axis=1)),
             np.linalg.norm(force[free], axis=1).sum(), free.sum(),
             size.sum(), len(size), size[in_gouge].sum(), in_gouge.sum(), gouge_ends, (kind == GOUGE).sum(), engine.intact_bonds(),
+            contacts.energy(self._case.normal_stiffness_N_per_m, self._case.shear_stiffness_N_per_m),
         ]  # fmt: skip
         total = np.array(sums, dtype=float)
         comm.Allreduce(MPI.IN_PLACE, total, op=MPI.SUM)
@@ -175,7 +176,7 @@ class Measures:
 
         count, slide, open_ = total[0:12:3], total[1:12:3], total[2:12:3]
         slide, open_ = slide / np.maximum(count, 1), open_ / np.maximum(count, 1)
-        kinetic, unbalanced, free_count, force_sum, contact_count, gouge_sum, gouge_contacts, ends, gouge_grains, intact = total[12:]
+        kinetic, unbalanced, free_count, force_sum, contact_count, gouge_sum, gouge_contacts, ends, gouge_grains, intact, energy = total[12:]
         mean_force = force_sum / max(contact_count, 1.0)
         widening = open_[3] - open_[0]
         solid = (1.0 - self._reference["porosity_gouge"]) * self._fault.width / (self._fault.width + widening)
@@ -191,4 +192,5 @@ class Measures:
             "unbalanced_force_ratio": unbalanced / max(free_count, 1.0) / mean_force if mean_force > 0 else 0.0,
             "kinetic_energy_J": kinetic,
             "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
+            "contact_energy_J": energy,
         }

@@ -16,6 +16,7 @@ SAMPLE_COLUMNS = (
     "contact_stress_x_Pa", "contact_stress_y_Pa", "contact_stress_z_Pa", "pressure_mean_Pa", "pressure_min_Pa", "pressure_max_Pa",
     *(f"outflow_{face}_m3_per_s" for face in FACES), "porosity", "coordination", "contact_force_mean_N", "contact_force_max_N",
     "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds", "overlap_max_over_d", "inertial_number", "loading_rate",
+    "contact_energy_J",
 )  # fmt: skip
 
 
@@ -51,7 +52,9 @@ class SampleMeasures:
         strain = 1.0 - size / np.array([self._reference[name] for name in ("length", "depth", "height")])
         contacts, velocity = engine.contacts(), engine.atom("v")
         force = np.hypot(contacts.normal_force, np.linalg.norm(contacts.shear_force, axis=1))
-        kinetic, total, count = comm.allreduce(np.array([0.5 * float(engine.atom("rmass") @ (velocity**2).sum(axis=1)), force.sum(), len(force)]))
+        stored = contacts.energy(self._case.normal_stiffness_N_per_m, self._case.shear_stiffness_N_per_m)
+        moving = 0.5 * float(engine.atom("rmass") @ (velocity**2).sum(axis=1))
+        kinetic, total, count, stored = comm.allreduce(np.array([moving, force.sum(), len(force), stored]))
         largest = np.array([force.max(initial=0.0), contacts.overlap.max(initial=0.0)])
         comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
         row = dict.fromkeys(SAMPLE_COLUMNS, 0.0) | figures | {"step": engine.step, "time_s": time}
@@ -68,6 +71,7 @@ class SampleMeasures:
             "kinetic_energy_J": kinetic,
             "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
             "loading_rate": loading_rate(engine, comm, self._driven),
+            "contact_energy_J": stored,
         }
         closing = [abs(state[high].velocity - state[low].velocity) for low, high in zip(PACK[0::2], PACK[1::2])]
         mean_stress = sum(row[f"sigma_{name}_Pa"] for name in "xyz") / 3.0

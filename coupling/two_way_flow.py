@@ -67,6 +67,7 @@ class TwoWayFlow(Dry):
                 else:
                     self._coupling.begin(self._pressure)
             self._set_forces()
+            self._walls_before = self._walls.states(self._engine)
             self._measure_momentum()
 
     def advance(self, steps: int) -> None:
@@ -85,9 +86,11 @@ class TwoWayFlow(Dry):
 
     def _exchange(self) -> None:
         """End the interval: the balances of work and mass are drawn up, and the fluid flows."""
-        on_grains, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
+        done, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
         if size > 0.0 and self._law == "total":
-            self._keep_worst("work_residual", abs(on_grains - by_fluid) / size)
+            self._keep_worst("work_residual", abs(done - by_fluid) / size)
+        if self._comm.rank == 0:
+            self.work_on_grains += done - self._walls.fluid_work(self._walls_before, self._walls.states(self._engine))
         with self._phases.timed("solve"):
             self._result = self._coupling.exchange()
         report = self._result.report

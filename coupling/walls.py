@@ -80,6 +80,20 @@ class SceneWalls:
         """Face of each wall, and the parts that it bears as bits, by fix id."""
         return {name: (face, sum(1 << (part - 1) for part in parts)) for name, (face, parts) in self.plates.items()}
 
+    def gaps(self, engine: Engine, state: dict[str, WallState]):
+        """For each wall, by fix id: distances of the centres of this rank's grains that it bears, inwards from its plane, (k,) m, and their radii, (k,) m."""
+        x, radius, kind = engine.atom("x"), engine.atom("radius"), engine.atom("type")
+        for name, (face, parts) in self.plates.items():
+            borne = slice(None) if parts == GROUPS else np.isin(kind, parts)
+            inwards = x[borne, face // 2] - state[name].position
+            yield name, inwards if face % 2 == 0 else -inwards, radius[borne]
+
+    def fluid_work(self, before: dict[str, WallState], after: dict[str, WallState]) -> float:
+        """Work of the fluid on the walls between two states, J, by the trapezoidal rule."""
+        outwards = {name: -1.0 if face % 2 == 0 else 1.0 for name, (face, _) in self.plates.items()}
+        return sum(0.5 * (before[name].fluid_force + after[name].fluid_force) * sign * (after[name].position - before[name].position)
+                   for name, sign in outwards.items())
+
     def set_fluid_forces(self, engine: Engine, wall_force: np.ndarray) -> None:
         """Hand the fluid's forces (3, 6) N, outwards, by part and face, to the walls that bear them."""
         for name, (face, parts) in self.plates.items():

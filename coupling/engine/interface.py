@@ -51,6 +51,12 @@ class Contacts:
     def __len__(self) -> int:
         return len(self.normal_force)
 
+    def energy(self, normal_stiffness: float, shear_stiffness: float) -> float:
+        """Energy of the springs, J; stiffnesses in N/m."""
+        normal = float(self.normal_force @ self.normal_force) / normal_stiffness
+        shear = float((self.shear_force**2).sum()) / shear_stiffness if shear_stiffness > 0.0 else 0.0
+        return 0.5 * (normal + shear)
+
 
 class Engine(Protocol):
     """A DEM engine on the ranks of a communicator."""

@@ -1,0 +1,40 @@
+"""Runs that become unstable: each ends with one message that says how it shows and what to change, on one rank and on two."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tiny_fault import history
+
+SEVERAL = pytest.param(2, marks=pytest.mark.parallel)
+#: Lines added to the deck of loading, and what the message then says.
+UNSOUND = {
+    # 0.5 of the critical step is 1e-7 s; what the checks of a case would refuse is set behind them.
+    "a step beyond the limit": (["timestep 2.1e-7"], ["than they had and than walls and fluid gave them", "loading.time_step_fraction (0.5)"]),
+    "grains pressed into each other": (["fix_modify x_left velocity 400."], ["two grains overlap by", "more than 0.2", "loading.time_step_fraction"]),
+    "a grain through a wall": (["fix_modify y_back position 5e-3"], ["the centre of a grain has gone through the wall y_back"]),
+    "no number": (["variable bad atom exp(1000.)-exp(1000.)", "fix bad gouge addforce v_bad 0. 0."], ["unbalanced_force_ratio", "in the history is not a finite number"]),
+}
+
+
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+@pytest.mark.parametrize("name", UNSOUND)
+def test_an_unsound_run_ends(failing_fault, own_decks, name, ranks):
+    lines, parts = UNSOUND[name]
+    deck = own_decks / "in.load"
+    deck.write_text(deck.read_text() + "\n".join(lines) + "\n")
+    message = failing_fault(f"decks_directory={own_decks}", "output.history_interval_steps=10", status=3, run="dry", ranks=ranks)
+    for part in parts:
+        assert part in message
+
+
+@pytest.mark.parametrize("run", ["wet", "dry"])
+def test_a_sound_run_gains_no_energy(run_fault, run):
+    """With the fluid's work counted; without it the pressures' rise would look like energy from nothing."""
+    directory: Path = run_fault(run=run)
+    gain = json.loads((directory / "report.json").read_text())["quasi_static_checks"]["energy_gain"]
+    assert 0.0 <= gain < 1e-3
+    energy = history(directory)["contact_energy_J"]
+    assert (energy > 0.0).all() and energy[-1] != energy[0]
