@@ -45,8 +45,8 @@ class Watch:
         if row["overlap_max_over_d"] > MOST_OVERLAP:
             raise ComputationError(
                 f"step {row['step']}: two grains overlap by {row['overlap_max_over_d']:.3g} of a mean diameter, more than {MOST_OVERLAP:g}, where contacts "
-                "mean nothing any more. Raise material.modulus_Pa or lower the stress; if the run was calm before, it is unstable: lower "
-                "loading.time_step_fraction or flow.interval_steps")
+                "mean nothing any more. Raise material.modulus_Pa or lower the stress; if the run was calm before, it is unstable: "
+                f"{self._advice()}")
         energy = self._energies(row)
         if not self._balanced:
             return {}
@@ -56,15 +56,23 @@ class Watch:
         if gain > MOST_ENERGY_GAIN * size:
             raise ComputationError(
                 f"step {row['step']}: the grains hold {energy['held']:.3g} J, {gain:.3g} J more than they had and than walls and fluid gave them "
-                f"({size:.3g} J): the motion is unstable. Lower loading.time_step_fraction ({self._case.loading.time_step_fraction:g})")
+                f"({size:.3g} J): the motion is unstable: {self._advice()}")
         return {"energy_gain": max(gain, 0.0) / size if size > 0.0 else 0.0}
+
+    def _advice(self) -> str:
+        """What makes an unstable run stable."""
+        case = self._case
+        advice = f"lower loading.time_step_fraction, {case.loading.time_step_fraction:g}"
+        if case.flow.kind == "solve" and case.flow.split == "staggered":
+            return f'with flow.split = "staggered" a fluid must not be stiffer than the skeleton: set "undrained", or {advice} and flow.interval_steps'
+        return advice
 
     def _finite(self, row: dict[str, float]) -> None:
         bad = [name for name, value in row.items() if not math.isfinite(value)]
         if bad:
             raise ComputationError(
-                f"step {row['step']}: {', '.join(bad)} in the history is not a finite number: the run has become unstable. Lower "
-                "loading.time_step_fraction or flow.interval_steps; the last sound state is in the lines before")
+                f"step {row['step']}: {', '.join(bad)} in the history is not a finite number: the run has become unstable: "
+                f"{self._advice()}; the last sound state is in the lines before")
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
         """Held by grains and contacts, given by walls and by the fluid, J. Raises if a grain has gone through a wall."""

@@ -123,5 +123,5 @@ def test_a_staggered_stiff_fluid_is_told(poreslip, stage_cache, tmp_path):
     command = ["run", case, "--only", "two_way", "--out", tmp_path, *inputs]
     ended = poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
     assert ended.returncode == 3, ended.stderr
-    told = ("stiffer than the skeleton", "grains were lost", "grains overlap by", "gone through the wall")
+    told = ("stiffer than the skeleton", "grains were lost")
     assert any(part in ended.stderr for part in told), ended.stderr

@@ -12,7 +12,7 @@ SEVERAL = pytest.param(2, marks=pytest.mark.parallel)
 #: Lines added to the deck of loading, and what the message then says.
 UNSOUND = {
     # 0.5 of the critical step is 1e-7 s; what the checks of a case would refuse is set behind them.
-    "a step beyond the limit": (["timestep 2.1e-7"], ["than they had and than walls and fluid gave them", "loading.time_step_fraction (0.5)"]),
+    "a step beyond the limit": (["timestep 2.1e-7"], ["than they had and than walls and fluid gave them", "lower loading.time_step_fraction, 0.5"]),
     "grains pressed into each other": (["fix_modify x_left velocity 400."], ["two grains overlap by", "more than 0.2", "loading.time_step_fraction"]),
     "a grain through a wall": (["fix_modify y_back position 5e-3"], ["the centre of a grain has gone through the wall y_back"]),
     "no number": (["variable bad atom exp(1000.)-exp(1000.)", "fix bad gouge addforce v_bad 0. 0."], ["unbalanced_force_ratio", "in the history is not a finite number"]),
