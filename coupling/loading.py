@@ -115,7 +115,9 @@ class Loading:
             self._output.history(row)
             self._output.breaks(rows, self._measures.strain(self._engine))
         self.last = row
-        for name, value in (self._flow.residuals | self._measures.quality(row) | self._watch.look(row)).items():
+        with self._phases.timed("measures"):
+            watched = self._watch.look(row, self._flow.residuals)
+        for name, value in (self._flow.residuals | self._measures.quality(row) | watched).items():
             self.worst[name] = max(self.worst.get(name, 0.0), value)
 
     def _snapshot(self, last: bool = False) -> None:

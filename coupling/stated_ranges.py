@@ -29,6 +29,8 @@ STATED_RANGES: dict[str, StatedRange] = {
         0.1, "difference of the stresses on the left and the right wall over their mean", f"the walls do not bear the same stress: {_SLOWER}"),
     "overlap_max_over_d": StatedRange(
         2e-2, "largest overlap over the mean diameter", "grains overlap by more than 2 % of d: raise material.modulus_Pa, or lower the stress"),
+    "energy_gain": StatedRange(
+        1e-3, "energy of the grains that no work accounts for, over all that they had and were given", "the motion is unstable: lower loading.time_step_fraction"),
     # Of an interval's throughput, which is next to nothing in a sealed pack at rest.
     "mass_residual": StatedRange(
         1e-8, "fluid that an interval gains over its throughput", "the balance of the fluid's mass does not close: the linear solver did not converge far enough"),

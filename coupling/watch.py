@@ -39,9 +39,9 @@ class Watch:
         """What a checkpoint has to hold of it."""
         return {"start": self._start, "fluid_work": self._comm.allreduce(self._flow.work_on_grains) + self._fluid_work}
 
-    def look(self, row: dict[str, float]) -> dict[str, float]:
-        """Raise ComputationError if the run is unsound at this line of its history; figures to keep the worst of."""
-        self._finite(row)
+    def look(self, row: dict[str, float], residuals: dict[str, float]) -> dict[str, float]:
+        """Raise ComputationError if the run is unsound at this line of its history; figures to keep the worst of. residuals: the flow's."""
+        self._finite(row, row | residuals)
         if row["overlap_max_over_d"] > MOST_OVERLAP:
             raise ComputationError(
                 f"step {row['step']}: two grains overlap by {row['overlap_max_over_d']:.3g} of a mean diameter, more than {MOST_OVERLAP:g}, where contacts "
@@ -67,11 +67,11 @@ class Watch:
             return f'with flow.split = "staggered" a fluid must not be stiffer than the skeleton: set "undrained", or {advice} and flow.interval_steps'
         return advice
 
-    def _finite(self, row: dict[str, float]) -> None:
-        bad = [name for name, value in row.items() if not math.isfinite(value)]
+    def _finite(self, row: dict[str, float], figures: dict[str, float]) -> None:
+        bad = [name for name, value in figures.items() if not math.isfinite(value)]
         if bad:
             raise ComputationError(
-                f"step {row['step']}: {', '.join(bad)} in the history is not a finite number: the run has become unstable: "
+                f"step {row['step']}: {', '.join(bad)} is not a finite number: the run has become unstable: "
                 f"{self._advice()}; the last sound state is in the lines before")
 
     def _energies(self, row: dict[str, float]) -> dict[str, float]:
