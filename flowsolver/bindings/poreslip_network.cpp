@@ -104,7 +104,8 @@ NB_MODULE(poreslip_network, m) {
           "pore_volume",
           [](PoreNetwork& self) {
             auto out = new_array<double>({self.pores()});
-            self.pore_volume(out.data());
+            std::vector<double> cell(self.pores());
+            self.volumes(cell.data(), out.data());
             return out;
           },
           "(m,) float64, m^3, local: void volume of each cell, (4)-(5), before any limiter.")

@@ -43,8 +43,7 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
 
 std::vector<double> storage(PoreNetwork& network, const Fluid& fluid, const Limiter& limiter, std::int64_t& limited) {
   std::vector<double> pore(network.pores()), cell(network.pores());
-  network.pore_volume(pore.data());
-  network.cell_volume(cell.data());
+  network.volumes(cell.data(), pore.data());
   limited = 0;
   for (std::size_t c = 0; c < pore.size(); ++c) {
     const double least = limiter.least_void_share * cell[c];

@@ -2,6 +2,9 @@
 
 #include <numbers>
 
+#include "geometry/angle.hpp"
+#include "geometry/corners.hpp"
+
 namespace poreslip::geometry {
 namespace {
 
@@ -107,19 +110,8 @@ void for_each_gap_gradient(const CellView& cells, const GrainView& grains, Visit
   }
 }
 
-}  // namespace
-
-void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
-  const double *x = grains.x, *y = grains.y, *z = grains.z;
-  const auto [vi, vj, vk, vl] = cells.vertex;
-#pragma omp simd
-  for (std::size_t c = 0; c < cells.end[0]; ++c) {
-    const Vertex i = vi[c], j = vj[c], k = vk[c], l = vl[c];
-    const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
-    const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
-    const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];
-    volume[c] = (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0;
-  }
+// Volumes of the cells that have walls.
+void wall_cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
   for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
     const int wall = wall_of(cells.vertex[3][c]);
     double gaps = 0.0;
@@ -136,46 +128,73 @@ void cell_volumes(const CellView& cells, const GrainView& grains, double* volume
   }
 }
 
-void pore_volumes(const CellView& cells, const GrainView& grains, double* volume) {
-  cell_volumes(cells, grains, volume);
-  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
-  const auto [vi, vj, vk, vl] = cells.vertex;
-#pragma omp simd
-  for (std::size_t c = 0; c < cells.end[0]; ++c) {
-    const Vertex i = vi[c], j = vj[c], k = vk[c], l = vl[c];
-    const double ax = x[j] - x[i], ay = y[j] - y[i], az = z[j] - z[i];
-    const double bx = x[k] - x[i], by = y[k] - y[i], bz = z[k] - z[i];
-    const double cx = x[l] - x[i], cy = y[l] - y[i], cz = z[l] - z[i];
-    const double dx = bx - ax, dy = by - ay, dz = bz - az, ex = cx - ax, ey = cy - ay, ez = cz - az;
-    const double fx = cx - bx, fy = cy - by, fz = cz - bz;
-    // Edges a = ij, b = ik, c = il, d = jk, e = jl, f = kl, all pointing to the later vertex. The triple product is the
-    // same at all four vertices; its sign makes all parts of a cell that is inside out negative.
-    const double det = 6.0 * volume[c];
-    const double aa = ax * ax + ay * ay + az * az, bb = bx * bx + by * by + bz * bz, cc = cx * cx + cy * cy + cz * cz;
-    const double dd = dx * dx + dy * dy + dz * dz, ee = ex * ex + ey * ey + ez * ez, ff = fx * fx + fy * fy + fz * fz;
-    const double ab = ax * bx + ay * by + az * bz, ac = ax * cx + ay * cy + az * cz, bc = bx * cx + by * cy + bz * cz;
-    const double ad = ax * dx + ay * dy + az * dz, ae = ax * ex + ay * ey + az * ez, de = dx * ex + dy * ey + dz * ez;
-    const double bd = bx * dx + by * dy + bz * dz, bf = bx * fx + by * fy + bz * fz, df = dx * fx + dy * fy + dz * fz;
-    const double ce = cx * ex + cy * ey + cz * ez, cf = cx * fx + cy * fy + cz * fz, ef = ex * fx + ey * fy + ez * fz;
-    const double la = std::sqrt(aa), lb = std::sqrt(bb), lc = std::sqrt(cc);
-    const double ld = std::sqrt(dd), le = std::sqrt(ee), lf = std::sqrt(ff);
-    const double sectors = sphere_sector(r[i], solid_angle(det, la, lb, lc, ab, bc, ac)) +
-                           sphere_sector(r[j], solid_angle(det, la, ld, le, -ad, de, -ae)) +
-                           sphere_sector(r[k], solid_angle(det, lb, ld, lf, bd, -df, -bf)) +
-                           sphere_sector(r[l], solid_angle(det, lc, le, lf, ce, ef, cf));
-    // Dihedral angle at an edge e between directions p and q: tangent |e| det / ((e.e)(p.q) - (e.p)(e.q)).
-    const double lenses = lens_over_two_pi(r[i], r[j], la) * std::atan2(la * det, aa * bc - ab * ac) +
-                          lens_over_two_pi(r[i], r[k], lb) * std::atan2(lb * det, bb * ac - ab * bc) +
-                          lens_over_two_pi(r[i], r[l], lc) * std::atan2(lc * det, cc * ab - ac * bc) +
-                          lens_over_two_pi(r[j], r[k], ld) * std::atan2(ld * det, ad * de - dd * ae) +
-                          lens_over_two_pi(r[j], r[l], le) * std::atan2(le * det, ae * de - ee * ad) +
-                          lens_over_two_pi(r[k], r[l], lf) * std::atan2(lf * det, ff * bd - bf * df);
-    const double solid = sectors - lenses;
-    volume[c] -= solid;
+// Calls visit(corners, first, count) for blocks of the tetrahedra.
+template <class Visit>
+void for_each_tetrahedron_block(const CellView& cells, const GrainView& grains, Visit visit) {
+  Corners<4> corners;
+  for (std::size_t first = 0; first < cells.end[0]; first += block_size) {
+    const std::size_t count = std::min(block_size, cells.end[0] - first);
+    corners.fetch(cells.vertex, grains.packed, first, count);
+    visit(corners, first, count);
   }
+}
+
+}  // namespace
+
+void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
+  for_each_tetrahedron_block(cells, grains, [&](const Corners<4>& at, std::size_t first, std::size_t count) {
+#pragma omp simd
+    for (std::size_t c = 0; c < count; ++c) {
+      const double ax = at.x[1][c] - at.x[0][c], ay = at.y[1][c] - at.y[0][c], az = at.z[1][c] - at.z[0][c];
+      const double bx = at.x[2][c] - at.x[0][c], by = at.y[2][c] - at.y[0][c], bz = at.z[2][c] - at.z[0][c];
+      const double cx = at.x[3][c] - at.x[0][c], cy = at.y[3][c] - at.y[0][c], cz = at.z[3][c] - at.z[0][c];
+      volume[first + c] = (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0;
+    }
+  });
+  wall_cell_volumes(cells, grains, volume);
+}
+
+void pore_volumes(const CellView& cells, const GrainView& grains, double* cell, double* pore) {
+  for_each_tetrahedron_block(cells, grains, [&](const Corners<4>& at, std::size_t first, std::size_t count) {
+#pragma omp simd
+    for (std::size_t c = 0; c < count; ++c) {
+      // Edges a = ij, b = ik, c = il, d = jk, e = jl, f = kl, all pointing to the later vertex.
+      const double ax = at.x[1][c] - at.x[0][c], ay = at.y[1][c] - at.y[0][c], az = at.z[1][c] - at.z[0][c];
+      const double bx = at.x[2][c] - at.x[0][c], by = at.y[2][c] - at.y[0][c], bz = at.z[2][c] - at.z[0][c];
+      const double cx = at.x[3][c] - at.x[0][c], cy = at.y[3][c] - at.y[0][c], cz = at.z[3][c] - at.z[0][c];
+      const double dx = bx - ax, dy = by - ay, dz = bz - az, ex = cx - ax, ey = cy - ay, ez = cz - az;
+      const double fx = cx - bx, fy = cy - by, fz = cz - bz;
+      const double det = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
+      const double aa = ax * ax + ay * ay + az * az, bb = bx * bx + by * by + bz * bz, cc = cx * cx + cy * cy + cz * cz;
+      const double dd = dx * dx + dy * dy + dz * dz, ee = ex * ex + ey * ey + ez * ez, ff = fx * fx + fy * fy + fz * fz;
+      const double ab = ax * bx + ay * by + az * bz, ac = ax * cx + ay * cy + az * cz, bc = bx * cx + by * cy + bz * cz;
+      const double ad = ax * dx + ay * dy + az * dz, ae = ax * ex + ay * ey + az * ez, de = dx * ex + dy * ey + dz * ez;
+      const double bf = bx * fx + by * fy + bz * fz, df = dx * fx + dy * fy + dz * fz, bd = bx * dx + by * dy + bz * dz;
+      const double la = std::sqrt(aa), lb = std::sqrt(bb), lc = std::sqrt(cc);
+      const double ld = std::sqrt(dd), le = std::sqrt(ee), lf = std::sqrt(ff);
+      // Dihedral angle at an edge e between directions p and q: tangent |e| det / ((e.e)(p.q) - (e.p)(e.q)). In a cell that is
+      // inside out all parts are negative.
+      const double va = angle(la * det, aa * bc - ab * ac), vb = angle(lb * det, bb * ac - ab * bc);
+      const double vc = angle(lc * det, cc * ab - ac * bc), vd = angle(ld * det, ad * de - dd * ae);
+      const double ve = angle(le * det, ae * de - ee * ad), vf = angle(lf * det, ff * bd - bf * df);
+      // The solid angle at a vertex is the sum of its edges' dihedral angles less pi (Girard).
+      const double pi = std::copysign(std::numbers::pi, det);
+      const double ri = at.r[0][c], rj = at.r[1][c], rk = at.r[2][c], rl = at.r[3][c];
+      const double sectors = sphere_sector(ri, va + vb + vc - pi) + sphere_sector(rj, va + vd + ve - pi) +
+                             sphere_sector(rk, vb + vd + vf - pi) + sphere_sector(rl, vc + ve + vf - pi);
+      const double per_abc = 1.0 / (la * lb * lc), per_def = 1.0 / (ld * le * lf);
+      const double lenses =
+          lens_moment(ri, rj, la, lb * lc * per_abc) * va + lens_moment(ri, rk, lb, la * lc * per_abc) * vb +
+          lens_moment(ri, rl, lc, la * lb * per_abc) * vc + lens_moment(rj, rk, ld, le * lf * per_def) * vd +
+          lens_moment(rj, rl, le, ld * lf * per_def) * ve + lens_moment(rk, rl, lf, ld * le * per_def) * vf;
+      cell[first + c] = det / 6.0;
+      pore[first + c] = det / 6.0 - (sectors - lenses);
+    }
+  });
+  wall_cell_volumes(cells, grains, cell);
   for (int walls = 1; walls < 4; ++walls)
     for (std::size_t c = cells.end[walls - 1]; c < cells.end[walls]; ++c)
-      volume[c] -= std::copysign(1.0, volume[c]) * solid_in_wall_cell(cells, grains, c, 4 - walls);
+      pore[c] = cell[c] - std::copysign(1.0, cell[c]) * solid_in_wall_cell(cells, grains, c, 4 - walls);
 }
 
 void cell_centroids(const CellView& cells, const GrainView& grains, double* centre) {

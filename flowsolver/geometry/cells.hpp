@@ -13,8 +13,8 @@ namespace poreslip::geometry {
 void cell_volumes(const CellView& cells, const GrainView& grains, double* volume);
 
 // Volume of the void of each cell, m^3, (4)-(5): cell less spherical sectors, plus dihedral angle / 2 pi of each lens that
-// two grains, or a grain and a wall, have in common. Out: volume (m).
-void pore_volumes(const CellView& cells, const GrainView& grains, double* volume);
+// two grains, or a grain and a wall, have in common. Out: cell (m), the cells' own volumes, and pore (m).
+void pore_volumes(const CellView& cells, const GrainView& grains, double* cell, double* pore);
 
 // Centroid of each cell, m. Out: centre (m, 3).
 void cell_centroids(const CellView& cells, const GrainView& grains, double* centre);

@@ -2,6 +2,9 @@
 
 #include <numbers>
 
+#include "geometry/angle.hpp"
+#include "geometry/corners.hpp"
+
 namespace poreslip::geometry {
 namespace {
 
@@ -43,42 +46,55 @@ inline Shares triangle_total(double area2, double lab, double lac, double lbc, d
           sixth - ac - bc - mac * tac - mbc * tbc + mab};
 }
 
-inline Shares triangle_pressure(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
-                                double rc) {
-  return {ra * ra * std::atan(half_tangent(area2, lab * lac, ab_ac)),
-          rb * rb * std::atan(half_tangent(area2, lab * lbc, lab * lab - ab_ac)),
-          rc * rc * std::atan(half_tangent(area2, lac * lbc, lac * lac - ab_ac))};
+inline Shares triangle_pressure(double area2, double lab, double lac, double ab_ac, double ra, double rb, double rc) {
+  return {0.5 * ra * ra * angle(area2, ab_ac), 0.5 * rb * rb * angle(area2, lab * lab - ab_ac),
+          0.5 * rc * rc * angle(area2, lac * lac - ab_ac)};
+}
+
+// A triangle as the kernels see it: twice its vector area, that one's length, and the edges' lengths.
+struct Triangle {
+  double nx, ny, nz, area2, lab, lac, lbc, ab_ac;
+};
+
+inline Triangle triangle(const Corners<3>& at, std::size_t i) {
+  const double abx = at.x[1][i] - at.x[0][i], aby = at.y[1][i] - at.y[0][i], abz = at.z[1][i] - at.z[0][i];
+  const double acx = at.x[2][i] - at.x[0][i], acy = at.y[2][i] - at.y[0][i], acz = at.z[2][i] - at.z[0][i];
+  const double bcx = at.x[2][i] - at.x[1][i], bcy = at.y[2][i] - at.y[1][i], bcz = at.z[2][i] - at.z[1][i];
+  const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
+  return {nx, ny, nz, std::sqrt(nx * nx + ny * ny + nz * nz), std::sqrt(abx * abx + aby * aby + abz * abz),
+          std::sqrt(acx * acx + acy * acy + acz * acz), std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz),
+          abx * acx + aby * acy + abz * acz};
+}
+
+// Calls visit(corners, first, count) for blocks of the triangles.
+template <class Visit>
+void for_each_triangle_block(const FacetView& facets, const GrainView& grains, Visit visit) {
+  Corners<3> corners;
+  for (std::size_t first = 0; first < facets.end[0]; first += block_size) {
+    const std::size_t count = std::min(block_size, facets.end[0] - first);
+    corners.fetch(facets.vertex, grains.packed, first, count);
+    visit(corners, first, count);
+  }
 }
 
 template <ForceLaw law>
 void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
-  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
-  // Blocks: a vectorised part without any store to the grains, and a scatter.
-  constexpr std::size_t block = 256;
-  double part[9][block];
-  for (std::size_t first = 0; first < facets.end[0]; first += block) {
-    const std::size_t count = std::min(block, facets.end[0] - first);
+  alignas(64) double part[9][block_size], difference[block_size];
+  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
     const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
     const std::int32_t *left = facets.left + first, *right = facets.right + first;
+    for (std::size_t f = 0; f < count; ++f) difference[f] = pressure[left[f]] - pressure[right[f]];
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
-      const Vertex a = va[f], b = vb[f], c = vc[f];
-      const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
-      const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
-      const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
-      const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
-      const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
-      const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
-      const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
-      const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
-      const double ab_ac = abx * acx + aby * acy + abz * acz;
-      const Shares s = law == ForceLaw::total ? triangle_total(area2, lab, lac, lbc, ab_ac, r[a], r[b], r[c])
-                                              : triangle_pressure(area2, lab, lac, lbc, ab_ac, r[a], r[b], r[c]);
-      const double scale = (pressure[left[f]] - pressure[right[f]]) / area2;
+      const Triangle t = triangle(at, f);
+      const double ra = at.r[0][f], rb = at.r[1][f], rc = at.r[2][f];
+      const Shares s = law == ForceLaw::total ? triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, ra, rb, rc)
+                                              : triangle_pressure(t.area2, t.lab, t.lac, t.ab_ac, ra, rb, rc);
+      const double scale = difference[f] / t.area2;
       const double sa = s.a * scale, sb = s.b * scale, sc = s.c * scale;
-      part[0][f] = sa * nx; part[1][f] = sa * ny; part[2][f] = sa * nz;
-      part[3][f] = sb * nx; part[4][f] = sb * ny; part[5][f] = sb * nz;
-      part[6][f] = sc * nx; part[7][f] = sc * ny; part[8][f] = sc * nz;
+      part[0][f] = sa * t.nx; part[1][f] = sa * t.ny; part[2][f] = sa * t.nz;
+      part[3][f] = sb * t.nx; part[4][f] = sb * t.ny; part[5][f] = sb * t.nz;
+      part[6][f] = sc * t.nx; part[7][f] = sc * t.ny; part[8][f] = sc * t.nz;
     }
     for (std::size_t f = 0; f < count; ++f) {
       double *a = force + 4 * static_cast<std::size_t>(va[f]), *b = force + 4 * static_cast<std::size_t>(vb[f]),
@@ -89,7 +105,7 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
         c[d] += part[6 + d][f];
       }
     }
-  }
+  });
 }
 
 Vector3 wall_normal(int wall) {
@@ -125,13 +141,12 @@ Shares strip_shares(const Strip& s, double ri, double rj, ForceLaw law) {
   return {s.width * (2.0 * s.gap_i + s.gap_j) / 6.0 + exchange, s.width * (s.gap_i + 2.0 * s.gap_j) / 6.0 - exchange, 0.0};
 }
 
-// Area of the circular segment beyond a chord at distance d from the centre, and half the chord's arc angle.
-inline double arc_half_angle(double radius, double d) {
-  return std::acos(std::min(std::max(d / radius, -1.0), 1.0));
-}
+// A chord at distance d from a disc's centre: half its length, half the angle of its arc, and half the area of the segment
+// beyond it. All are zero where it misses the disc; beyond the far side the segment is the disc.
+inline double half_chord(double radius, double d) { return std::sqrt(std::max((radius - d) * (radius + d), 0.0)); }
+inline double arc_half_angle(double radius, double d) { return angle(half_chord(radius, d), d); }
 inline double half_segment(double radius, double d) {
-  const double c = std::min(std::max(d, -radius), radius);
-  return 0.5 * (radius * radius * arc_half_angle(radius, c) - c * std::sqrt((radius - c) * (radius + c)));
+  return 0.5 * (radius * radius * arc_half_angle(radius, d) - d * half_chord(radius, d));
 }
 // Distance from the first centre to the radical plane of two spheres.
 inline double radical_distance(double ra, double rb, double l) { return 0.5 * (l + (ra - rb) * (ra + rb) / l); }
@@ -146,6 +161,26 @@ inline HalfLens half_lens(double ra, double rb, double l) {
 }
 inline double open_gap(double length) { return std::max(length, 0.0); }
 
+// The chord that two discs have in common: its distances from their centres along the line of these, and half its length,
+// zero where they do not meet (or one lies within the other).
+struct Chord {
+  double near, far, half;
+};
+inline Chord chord(double ra, double rb, double l, double per_l) {
+  const double near = 0.5 * (l + (ra - rb) * (ra + rb) * per_l);
+  return {near, l - near, half_chord(ra, near)};
+}
+
+// What is left of a disc's angle in a triangle, given as a vector (x, y), between the chords on the two edges: each takes the
+// angle of (distance, half length) off it. One angle of a product of complex numbers, not three.
+inline double open_angle(double x, double y, double distance1, double half1, double distance2, double half2) {
+  const double x1 = x * distance1 + y * half1, y1 = y * distance1 - x * half1;
+  const double open = angle(y1 * distance2 - x1 * half2, x1 * distance2 + y1 * half2);
+  // Where a chord lies beyond the centre, the three angles can come to less than -pi.
+  const double most = std::max(distance1, distance2) < 0.0 ? 0.0 : 0.5 * std::numbers::pi;
+  return open - (std::min(distance1, distance2) < 0.0 && open > most ? 2.0 * std::numbers::pi : 0.0);
+}
+
 }  // namespace
 
 FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::size_t f, ForceLaw law) {
@@ -155,7 +190,7 @@ FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::
     const Vector3 n = cross(ab, ac);
     const double area2 = norm(n), lbc = norm(ac - ab), ra = grains.radius[a], rb = grains.radius[b], rc = grains.radius[c];
     const Shares s = law == ForceLaw::total ? triangle_total(area2, norm(ab), norm(ac), lbc, dot(ab, ac), ra, rb, rc)
-                                            : triangle_pressure(area2, norm(ab), norm(ac), lbc, dot(ab, ac), ra, rb, rc);
+                                            : triangle_pressure(area2, norm(ab), norm(ac), dot(ab, ac), ra, rb, rc);
     return {{s.a, s.b, s.c}, (1.0 / area2) * n};
   }
   if (f < facets.end[1]) {
@@ -202,34 +237,23 @@ void add_facet_forces(const FacetView& facets, const GrainView& grains, const do
 
 void add_volume_rates(const FacetView& facets, const GrainView& grains, const double* vx, const double* vy,
                       const double* vz, double* rate) {
-  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
-  const auto [va, vb, vc] = facets.vertex;
-  constexpr std::size_t block = 256;
-  double swept[block];
+    const auto [va, vb, vc] = facets.vertex;
+  alignas(64) double swept[block_size];
   const auto hand_over = [&](std::size_t f, double volume) {
     rate[facets.left[f]] += volume;
     if (facets.right[f] >= 0) rate[facets.right[f]] -= volume;
   };
-  for (std::size_t first = 0; first < facets.end[0]; first += block) {
-    const std::size_t count = std::min(block, facets.end[0] - first);
+  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
 #pragma omp simd
     for (std::size_t i = 0; i < count; ++i) {
-      const std::size_t f = first + i;
-      const Vertex a = va[f], b = vb[f], c = vc[f];
-      const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
-      const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
-      const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
-      const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
-      const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
-      const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
-      const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
-      const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
-      const Shares s = triangle_total(area2, lab, lac, lbc, abx * acx + aby * acy + abz * acz, r[a], r[b], r[c]);
-      swept[i] = (s.a * (nx * vx[a] + ny * vy[a] + nz * vz[a]) + s.b * (nx * vx[b] + ny * vy[b] + nz * vz[b]) +
-                  s.c * (nx * vx[c] + ny * vy[c] + nz * vz[c])) / area2;
+      const Vertex a = va[first + i], b = vb[first + i], c = vc[first + i];
+      const Triangle t = triangle(at, i);
+      const Shares s = triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
+      swept[i] = (s.a * (t.nx * vx[a] + t.ny * vy[a] + t.nz * vz[a]) + s.b * (t.nx * vx[b] + t.ny * vy[b] + t.nz * vz[b]) +
+                  s.c * (t.nx * vx[c] + t.ny * vy[c] + t.nz * vz[c])) / t.area2;
     }
     for (std::size_t i = 0; i < count; ++i) hand_over(first + i, swept[i]);
-  }
+  });
   for (std::size_t f = facets.end[0]; f < facets.size(); ++f) {
     const FacetShares s = facet_shares(facets, grains, f, ForceLaw::total);
     double volume = 0.0;
@@ -243,30 +267,26 @@ void add_volume_rates(const FacetView& facets, const GrainView& grains, const do
 
 void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
                      double* perimeter) {
-  const double *x = grains.x, *y = grains.y, *z = grains.z, *r = grains.radius;
-  const auto [va, vb, vc] = facets.vertex;
+  const double* r = grains.radius;
+  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
 #pragma omp simd
-  for (std::size_t f = 0; f < facets.end[0]; ++f) {
-    const Vertex a = va[f], b = vb[f], c = vc[f];
-    const double abx = x[b] - x[a], aby = y[b] - y[a], abz = z[b] - z[a];
-    const double acx = x[c] - x[a], acy = y[c] - y[a], acz = z[c] - z[a];
-    const double bcx = x[c] - x[b], bcy = y[c] - y[b], bcz = z[c] - z[b];
-    const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
-    const double area2 = std::sqrt(nx * nx + ny * ny + nz * nz);
-    const double lab = std::sqrt(abx * abx + aby * aby + abz * abz);
-    const double lac = std::sqrt(acx * acx + acy * acy + acz * acz);
-    const double lbc = std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz);
-    const double ab_ac = abx * acx + aby * acy + abz * acz;
-    const double ra = r[a], rb = r[b], rc = r[c];
-    const double angle_a = std::atan2(area2, ab_ac), angle_b = std::atan2(area2, lab * lab - ab_ac);
-    const double angle_c = std::numbers::pi - angle_a - angle_b;
-    const HalfLens hab = half_lens(ra, rb, lab), hac = half_lens(ra, rc, lac), hbc = half_lens(rb, rc, lbc);
-    facet_area[f] = 0.5 * area2;
-    open_area[f] = 0.5 * (area2 - ra * ra * angle_a - rb * rb * angle_b - rc * rc * angle_c) + hab.area + hac.area +
-                   hbc.area;
-    perimeter[f] = ra * angle_a + rb * angle_b + rc * angle_c - hab.arcs - hac.arcs - hbc.arcs +
-                   open_gap(lab - ra - rb) + open_gap(lac - ra - rc) + open_gap(lbc - rb - rc);
-  }
+    for (std::size_t i = 0; i < count; ++i) {
+      const Triangle t = triangle(at, i);
+      const double ra = at.r[0][i], rb = at.r[1][i], rc = at.r[2][i];
+      const double per_lengths = 1.0 / (t.lab * t.lac * t.lbc);
+      const Chord ab = chord(ra, rb, t.lab, t.lac * t.lbc * per_lengths);
+      const Chord ac = chord(ra, rc, t.lac, t.lab * t.lbc * per_lengths);
+      const Chord bc = chord(rb, rc, t.lbc, t.lab * t.lac * per_lengths);
+      const double open_a = open_angle(t.ab_ac, t.area2, ab.near, ab.half, ac.near, ac.half);
+      const double open_b = open_angle(t.lab * t.lab - t.ab_ac, t.area2, ab.far, ab.half, bc.near, bc.half);
+      const double open_c = open_angle(t.lac * t.lac - t.ab_ac, t.area2, ac.far, ac.half, bc.far, bc.half);
+      facet_area[first + i] = 0.5 * t.area2;
+      open_area[first + i] = 0.5 * (t.area2 - ra * ra * open_a - rb * rb * open_b - rc * rc * open_c - t.lab * ab.half -
+                                    t.lac * ac.half - t.lbc * bc.half);
+      perimeter[first + i] = ra * open_a + rb * open_b + rc * open_c + open_gap(t.lab - ra - rb) +
+                             open_gap(t.lac - ra - rc) + open_gap(t.lbc - rb - rc);
+    }
+  });
   for (std::size_t f = facets.end[0]; f < facets.end[1]; ++f) {
     const Strip s = strip(facets, grains, f);
     const double ri = r[facets.vertex[0][f]], rj = r[facets.vertex[1][f]];

@@ -17,12 +17,18 @@ constexpr int wall_axis(int wall) { return wall / 2; }
 // Outward direction of a wall along its axis: -1 for a low wall, +1 for a high one.
 constexpr double wall_sign(int wall) { return wall % 2 == 0 ? -1.0 : 1.0; }
 
+// A grain's centre and radius, m, in one half of a cache line.
+struct alignas(32) PackedGrain {
+  double x, y, z, radius;
+};
+
 // Grains, and the plane of each wall for each group of grains.
 struct GrainView {
   const double* x;                // m
   const double* y;                // m
   const double* z;                // m
   const double* radius;           // m
+  const PackedGrain* packed;      // the same once more, for the vectorised kernels
   const std::int32_t* group;      // row of wall_position
   const double* wall_position;    // (groups, 6), m, along each wall's own axis
 

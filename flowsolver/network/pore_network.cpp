@@ -50,7 +50,7 @@ PoreNetwork::~PoreNetwork() {
 void PoreNetwork::agree(const std::string& message) const { agree_on_input(comm_, message); }
 
 GrainView PoreNetwork::view() const {
-  return {local_.x.data(), local_.y.data(), local_.z.data(), local_.radius.data(), local_.group.data(),
+  return {local_.x.data(), local_.y.data(), local_.z.data(), local_.radius.data(), local_.packed.data(), local_.group.data(),
           wall_position_.data()};
 }
 
@@ -84,9 +84,9 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
 // A mesh that no longer is the triangulation still fills the box: its pores' volumes, with the grains where they now are, sum
 // to those of the mesh to come.
 void PoreNetwork::leave_behind() {
-  std::vector<double> volume(pores());
+  std::vector<double> cell(pores()), volume(pores());
   std::vector<std::int64_t> grains(4 * pores());
-  pore_volume(volume.data());
+  volumes(cell.data(), volume.data());
   grains_of_pore(grains.data());
   previous_ = {};
   for (std::size_t c = 0; c < pores(); ++c) {
@@ -224,6 +224,7 @@ void PoreNetwork::sort_local_grains() {
     keys[own + h] = {curve(halo[h].x, halo[h].y, halo[h].z), halo[h].id, halo[h].shift, -1 - static_cast<std::int32_t>(h)};
   std::sort(keys.begin(), keys.end());
   for (auto* v : {&local_.x, &local_.y, &local_.z, &local_.radius}) v->resize(n);
+  local_.packed.resize(n);
   local_.id.resize(n);
   local_.group.resize(n);
   local_.source.resize(n);
@@ -254,6 +255,7 @@ void PoreNetwork::refresh_local_grains() {
       local_.radius[i] = h.radius;
       local_.group[i] = h.group;
     }
+    local_.packed[i] = {local_.x[i], local_.y[i], local_.z[i], local_.radius[i]};
   }
 }
 

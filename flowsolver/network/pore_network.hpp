@@ -70,7 +70,7 @@ class PoreNetwork {
   const bool* owned() const { return mesh_.owned.get(); }                        // local, (pores)
   void pore_centre(double* centre);                                         // local, (pores, 3)
   void cell_volume(double* volume);                                         // local, (pores)
-  void pore_volume(double* volume);                                         // local, (pores)
+  void volumes(double* cell, double* pore);                                 // local, (pores) each
   void grains_of_pore(std::int64_t* id) const;                              // local, (pores, 4)
   void pores_of_throat(std::int32_t* pore) const;                           // local, (throats, 2)
   void grains_of_throat(std::int64_t* id) const;                            // local, (throats, 3)

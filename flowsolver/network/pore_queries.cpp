@@ -24,9 +24,9 @@ void PoreNetwork::cell_volume(double* volume) {
   geometry::cell_volumes(mesh_.cell_view(), view(), volume);
 }
 
-void PoreNetwork::pore_volume(double* volume) {
+void PoreNetwork::volumes(double* cell, double* pore) {
   const Timer timer(report_.geometry);
-  geometry::pore_volumes(mesh_.cell_view(), view(), volume);
+  geometry::pore_volumes(mesh_.cell_view(), view(), cell, pore);
 }
 
 void PoreNetwork::grains_of_pore(std::int64_t* id) const {
@@ -68,7 +68,8 @@ ThroatSections PoreNetwork::throat_sections() {
   geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
   for (std::size_t f = 0; f < throats(); ++f) {
     const double *p = &centre[3 * mesh_.facet.left[f]], *q = &centre[3 * mesh_.facet.right[f]];
-    s.length[f] = std::hypot(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
+    const double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
+    s.length[f] = std::sqrt(x * x + y * y + z * z);
   }
   return s;
 }
@@ -76,8 +77,7 @@ ThroatSections PoreNetwork::throat_sections() {
 Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
   const ThroatSections s = throat_sections();
   std::vector<double> cell(pores()), pore(pores());
-  cell_volume(cell.data());
-  pore_volume(pore.data());
+  volumes(cell.data(), pore.data());
   const auto owned_throat = std::make_unique<bool[]>(throats());
   owned_throats(owned_throat.get());
   std::array<std::int64_t, 2> count{0, 0};

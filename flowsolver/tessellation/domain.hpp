@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "geometry/view.hpp"
+
 namespace poreslip {
 
 // A box with a wall on both faces of each direction that is not periodic.
@@ -28,6 +30,7 @@ WallSpheres make_wall_spheres(const Domain& domain, const std::vector<double>& w
 // The grains a rank knows: its own and its halo, in Hilbert order.
 struct LocalGrains {
   std::vector<double> x, y, z, radius;             // m
+  std::vector<PackedGrain> packed;                 // the same once more, as the vectorised kernels read them
   std::vector<std::int64_t> id;
   std::vector<std::int32_t> group;
   std::vector<std::int32_t> source;                // >= 0: index among own grains; < 0: -1 - index in the halo

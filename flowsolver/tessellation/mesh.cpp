@@ -23,13 +23,15 @@ int count_walls(const Vertex* v, int count) {
 // Order of cells by number of walls, then by lowest grain: a counting sort.
 std::vector<std::int32_t> sorted_order(const TouchingCells& cells, std::size_t grains, std::array<std::size_t, 4>& end) {
   const std::size_t n = cells.vertex.size();
-  std::vector<std::size_t> key(n), start(4 * grains + 1, 0);
+  std::vector<std::uint32_t> key(n), start(4 * grains + 1, 0);
   end = {0, 0, 0, 0};
   for (std::size_t c = 0; c < n; ++c) {
     const auto& v = cells.vertex[c];
     const int walls = count_walls(v.data(), 4);
-    const Vertex first = *std::min_element(v.begin(), v.begin() + (4 - walls));
-    key[c] = walls * grains + first;
+    // As an unsigned number a wall comes after all grains.
+    const auto at = [&v](int k) { return static_cast<std::uint32_t>(v[k]); };
+    const std::uint32_t first = std::min(std::min(at(0), at(1)), std::min(at(2), at(3)));
+    key[c] = static_cast<std::uint32_t>(walls * grains + first);
     ++start[key[c] + 1];
     ++end[walls];
   }
@@ -40,30 +42,66 @@ std::vector<std::int32_t> sorted_order(const TouchingCells& cells, std::size_t g
   return order;
 }
 
-struct Facet {
-  std::array<Vertex, 3> vertex;
-  std::int32_t left, right;
-  Vertex left_apex, right_apex;
-};
-using FacetKinds = std::array<std::vector<Facet>, 3>;  // by number of walls
-
-FacetArrays arrays(FacetKinds& kinds) {
-  FacetArrays a;
-  std::size_t total = 0;
-  for (int walls = 0; walls < 3; ++walls) a.end[walls] = total += kinds[walls].size();
-  for (auto& v : a.vertex) v.reserve(total);
-  for (auto* v : {&a.left, &a.right, &a.left_apex, &a.right_apex}) v->reserve(total);
-  for (auto& kind : kinds) {
-    for (const Facet& f : kind) {
-      for (int k = 0; k < 3; ++k) a.vertex[k].push_back(f.vertex[k]);
-      a.left.push_back(f.left);
-      a.right.push_back(f.right);
-      a.left_apex.push_back(f.left_apex);
-      a.right_apex.push_back(f.right_apex);
+// Fills facet arrays whose numbers by kind are known.
+class FacetWriter {
+ public:
+  FacetWriter(FacetArrays& arrays, const std::array<std::size_t, 3>& count) : arrays_(arrays) {
+    std::size_t total = 0;
+    for (int walls = 0; walls < 3; ++walls) {
+      next_[walls] = total;
+      arrays.end[walls] = total += count[walls];
     }
-    std::vector<Facet>().swap(kind);
+    for (auto& v : arrays.vertex) v.resize(total);
+    for (auto* v : {&arrays.left, &arrays.right, &arrays.left_apex, &arrays.right_apex}) v->resize(total);
   }
-  return a;
+
+  void add(int walls, const std::array<Vertex, 3>& facet, std::int32_t left, std::int32_t right, Vertex left_apex,
+           Vertex right_apex) {
+    const std::size_t f = next_[walls]++;
+    for (int k = 0; k < 3; ++k) arrays_.vertex[k][f] = facet[k];
+    arrays_.left[f] = left;
+    arrays_.right[f] = right;
+    arrays_.left_apex[f] = left_apex;
+    arrays_.right_apex[f] = right_apex;
+  }
+
+ private:
+  FacetArrays& arrays_;
+  std::array<std::size_t, 3> next_;
+};
+
+// Calls inner(walls, facet, cell, neighbour, apex, apex across) for each facet that has an own grain, once, and
+// outer(walls, facet, cell, apex) for each other facet of an owned cell.
+template <class Inner, class Outer>
+void for_each_facet(const Mesh& mesh, const std::vector<std::array<std::int32_t, 4>>& neighbour, const LocalGrains& grains,
+                    bool all_own, Inner inner, Outer outer) {
+  const auto n = static_cast<std::int32_t>(mesh.cells());
+  for (std::int32_t c = 0; c < n; ++c) {
+    const std::array<Vertex, 4> v{mesh.cell_vertex[0][c], mesh.cell_vertex[1][c], mesh.cell_vertex[2][c], mesh.cell_vertex[3][c]};
+    const bool walled = static_cast<std::size_t>(c) >= mesh.cell_end[0];
+    for (int k = 0; k < 4; ++k) {
+      const int* f = outward_facet[k];
+      std::array<Vertex, 3> facet{v[f[0]], v[f[1]], v[f[2]]};
+      int walls = 0;
+      if (walled) {
+        walls = count_walls(facet.data(), 3);
+        if (walls == 3) continue;
+        facet = grains_first(facet);
+      }
+      bool own = all_own;
+      for (int i = 0; !own && i < 3 - walls; ++i) own = grains.own(facet[i]);
+      if (!own) {
+        if (mesh.owned[c]) outer(walls, facet, c, v[k]);
+        continue;
+      }
+      const std::int32_t other = neighbour[c][k];
+      if (other < c) continue;
+      // The vertex across is the one that the two cells do not share.
+      Vertex across = facet[0] ^ facet[1] ^ facet[2];
+      for (int i = 0; i < 4; ++i) across ^= mesh.cell_vertex[i][other];
+      inner(walls, facet, c, other, v[k], across);
+    }
+  }
 }
 
 }  // namespace
@@ -97,37 +135,29 @@ Mesh make_mesh(const TouchingCells& cells, const LocalGrains& grains) {
     mesh.previous.resize(n);
     for (std::size_t c = 0; c < n; ++c) mesh.previous[c] = cells.previous[order[c]];
   }
-
-  FacetKinds inner, outer;
-  inner[0].reserve(2 * n + 16);
+  const bool all_own = std::all_of(grains.source.begin(), grains.source.end(), [](std::int32_t s) { return s >= 0; });
+  std::vector<std::array<std::int32_t, 4>> neighbour(n);
   for (std::size_t c = 0; c < n; ++c) {
     const auto& v = cells.vertex[order[c]];
-    const auto& neighbour = cells.neighbour[order[c]];
-    for (int k = 0; k < 4; ++k) mesh.cell_vertex[k][c] = v[k];
-    mesh.owned[c] = belongs_here(v.data(), 4, grains);
     for (int k = 0; k < 4; ++k) {
-      const int* f = outward_facet[k];
-      std::array<Vertex, 3> facet{v[f[0]], v[f[1]], v[f[2]]};
-      const int walls = count_walls(facet.data(), 3);
-      if (walls == 3) continue;
-      facet = grains_first(facet);
-      bool own = false;
-      for (int i = 0; i < 3 - walls; ++i) own = own || grains.own(facet[i]);
-      if (!own) {
-        if (mesh.owned[c]) outer[walls].push_back({facet, static_cast<std::int32_t>(c), -1, v[k], -1});
-        continue;
-      }
-      const std::int32_t other = rank_of[neighbour[k]];
-      if (other < static_cast<std::int32_t>(c)) continue;
-      const auto on_facet = [&](Vertex w) { return w == facet[0] || w == facet[1] || w == facet[2]; };
-      const auto& across = cells.vertex[neighbour[k]];
-      int back = 0;
-      while (on_facet(across[back])) ++back;
-      inner[walls].push_back({facet, static_cast<std::int32_t>(c), other, v[k], across[back]});
+      mesh.cell_vertex[k][c] = v[k];
+      const std::int32_t other = cells.neighbour[order[c]][k];
+      neighbour[c][k] = other < 0 ? -1 : rank_of[other];
     }
+    mesh.owned[c] = all_own || belongs_here(v.data(), 4, grains);
   }
-  mesh.facet = arrays(inner);
-  mesh.outer = arrays(outer);
+
+  std::array<std::size_t, 3> inner{}, outer{};
+  for_each_facet(
+      mesh, neighbour, grains, all_own, [&inner](int walls, auto&&...) { ++inner[walls]; },
+      [&outer](int walls, auto&&...) { ++outer[walls]; });
+  FacetWriter inner_facets(mesh.facet, inner), outer_facets(mesh.outer, outer);
+  for_each_facet(
+      mesh, neighbour, grains, all_own,
+      [&](int walls, const auto& facet, std::int32_t c, std::int32_t other, Vertex apex, Vertex across) {
+        inner_facets.add(walls, facet, c, other, apex, across);
+      },
+      [&](int walls, const auto& facet, std::int32_t c, Vertex apex) { outer_facets.add(walls, facet, c, -1, apex, -1); });
   return mesh;
 }
 

@@ -7,15 +7,30 @@
 #include <CGAL/Triangulation_cell_base_with_info_3.h>
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 namespace poreslip {
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+
+// A grain that lies inside others stays without a cell, whatever is inserted after it: there is no need to know where it is.
+struct NoHiddenPoints {
+  using iterator = Kernel::Weighted_point_3*;
+  using const_iterator = const Kernel::Weighted_point_3*;
+  iterator begin() { return nullptr; }
+  iterator end() { return nullptr; }
+  const_iterator begin() const { return nullptr; }
+  const_iterator end() const { return nullptr; }
+};
+
 using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<Vertex, Kernel, CGAL::Regular_triangulation_vertex_base_3<Kernel>>;
-using CellBase = CGAL::Triangulation_cell_base_with_info_3<std::int32_t, Kernel, CGAL::Regular_triangulation_cell_base_3<Kernel>>;
+using RegularCellBase = CGAL::Regular_triangulation_cell_base_3<Kernel, CGAL::Triangulation_cell_base_3<Kernel>,
+                                                               CGAL::Discard_hidden_points, NoHiddenPoints>;
+using CellBase = CGAL::Triangulation_cell_base_with_info_3<std::int32_t, Kernel, RegularCellBase>;
 using Structure = CGAL::Triangulation_data_structure_3<VertexBase, CellBase>;
 using Regular = CGAL::Regular_triangulation_3<Kernel, Structure>;
 using WeightedPoint = Regular::Weighted_point;
@@ -97,8 +112,29 @@ bool bounded(const std::array<double, 3>& lower, const std::array<double, 3>& up
   return false;
 }
 
+// Whether no grain that is not known could change the cell.
+bool is_final(const LocalGrains& grains, const WallSpheres& walls, const std::array<Vertex, 4>& cell,
+              const std::array<double, 3>& lower, const std::array<double, 3>& upper, double largest_radius) {
+  const std::array<double, 3> origin{grains.x[cell[0]], grains.y[cell[0]], grains.z[cell[0]]};
+  const auto o = orthosphere<double>(grains, walls, cell);
+  return o.well_conditioned ? within(o, origin, lower, upper, largest_radius)
+                            : within(orthosphere<__float128>(grains, walls, cell), origin, lower, upper, largest_radius);
+}
+
+// The vertex at infinity, beyond the wall spheres.
+constexpr Vertex infinitely_far = std::numeric_limits<Vertex>::min();
+
+// Whether a cell that has walls is one of a box: neither infinite nor between opposite walls.
+bool box_shaped(const std::array<Vertex, 4>& v) {
+  int walls_on_axis[3] = {0, 0, 0};
+  for (const Vertex w : v) {
+    if (w == infinitely_far || (is_wall(w) && ++walls_on_axis[wall_axis(wall_of(w))] > 1)) return false;
+  }
+  return true;
+}
+
 // Grains first, then walls, still positively oriented.
-std::array<int, 4> grains_first(const std::array<Vertex, 4>& v) {
+std::array<Vertex, 4> grains_first(const std::array<Vertex, 4>& v) {
   std::array<int, 4> order;
   int n = 0;
   for (int k = 0; k < 4; ++k)
@@ -113,7 +149,7 @@ std::array<int, 4> grains_first(const std::array<Vertex, 4>& v) {
     if (is_wall(v[order[1]])) std::swap(order[2], order[3]);
     else std::swap(order[0], order[1]);
   }
-  return order;
+  return {v[order[0]], v[order[1]], v[order[2]], v[order[3]]};
 }
 
 }  // namespace
@@ -149,41 +185,30 @@ TouchingCells triangulate(const LocalGrains& grains, const WallSpheres& walls, c
   }
 
   // Number the cells that touch own grains, and check that they are final.
-  std::vector<bool> seen(grains.size(), false);
+  triangulation.infinite_vertex()->info() = infinitely_far;
+  const bool all_own = std::all_of(grains.source.begin(), grains.source.end(), [](std::int32_t s) { return s >= 0; });
   const bool check = bounded(known_lower, known_upper);
+  std::vector<bool> seen(grains.size(), false);
   std::vector<Regular::Cell_handle> cells;
-  for (auto c = triangulation.all_cells_begin(); c != triangulation.all_cells_end(); ++c) {
+  cells.reserve(triangulation.tds().number_of_cells());
+  result.vertex.reserve(cells.capacity());
+  for (auto c = triangulation.tds().cells_begin(); c != triangulation.tds().cells_end(); ++c) {
+    const std::array<Vertex, 4> v{c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
     c->info() = -1;
-    bool touches = false, infinite = false;
-    int walls_on_axis[3] = {0, 0, 0};
-    std::array<Vertex, 4> v;
-    for (int k = 0; k < 4; ++k) {
-      if (triangulation.is_infinite(c->vertex(k))) {
-        infinite = true;
-        continue;
-      }
-      v[k] = c->vertex(k)->info();
-      if (is_wall(v[k])) ++walls_on_axis[wall_axis(wall_of(v[k]))];
-      else touches = touches || grains.own(v[k]);
+    bool touches = false, walled = false;
+    for (const Vertex g : v) {
+      touches = touches || (!is_wall(g) && (all_own || grains.own(g)));
+      walled = walled || is_wall(g);
     }
     if (!touches) continue;
-    if (infinite || walls_on_axis[0] > 1 || walls_on_axis[1] > 1 || walls_on_axis[2] > 1) {
+    if (walled && !box_shaped(v)) {
       result.complete = false;
       return result;
     }
-    const auto order = grains_first(v);
-    const std::array<Vertex, 4> sorted{v[order[0]], v[order[1]], v[order[2]], v[order[3]]};
-    if (check) {
-      const std::array<double, 3> origin{grains.x[sorted[0]], grains.y[sorted[0]], grains.z[sorted[0]]};
-      const auto o = orthosphere<double>(grains, walls, sorted);
-      const bool inside = o.well_conditioned
-                              ? within(o, origin, known_lower, known_upper, largest_radius)
-                              : within(orthosphere<__float128>(grains, walls, sorted), origin, known_lower, known_upper,
-                                       largest_radius);
-      if (!inside) {
-        result.complete = false;
-        return result;
-      }
+    const std::array<Vertex, 4> sorted = walled ? grains_first(v) : v;
+    if (check && !is_final(grains, walls, sorted, known_lower, known_upper, largest_radius)) {
+      result.complete = false;
+      return result;
     }
     c->info() = static_cast<std::int32_t>(cells.size());
     cells.push_back(c);
@@ -195,8 +220,8 @@ TouchingCells triangulate(const LocalGrains& grains, const WallSpheres& walls, c
   for (std::size_t c = 0; c < cells.size(); ++c)
     for (int k = 0; k < 4; ++k) {
       // The sorted vertex k is CGAL's vertex of the same name.
-      int place = 0;
-      while (cells[c]->vertex(place)->info() != result.vertex[c][k]) ++place;
+      int place = k;
+      while (cells[c]->vertex(place)->info() != result.vertex[c][k]) place = (place + 1) % 4;
       result.neighbour[c][k] = cells[c]->neighbor(place)->info();
     }
   for (std::size_t i = 0; i < grains.size(); ++i) result.hidden += grains.own(i) && !seen[i];
