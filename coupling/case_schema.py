@@ -48,8 +48,11 @@ class Pack:
     porosity: float = allowed(0.35, at_least=0.2, at_most=0.9)
     # Density of a grain: Table I.
     density_kg_m3: float = allowed(2650.0, above=0.0, at_most=1e9)
-    # Isotropic stress that the pack is compacted to: the vertical stress of Table I.
+    # Isotropic stress that the pack is compacted to: the vertical stress of Table I. From a higher one than the initial stress the two-sided
+    # scene is unloaded with friction: very stiff grains come to rest only so.
     confining_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
+    # How far the walls' forces may be from the initial stress when it counts as settled, as a part of it.
+    initial_stress_tolerance: float = allowed(2e-3, above=0.0, at_most=0.1)
     # Coefficient of friction while the pack is made: 0 makes packs as dense as asked for without it, and looser ones with the little
     # that they need. More makes a pack looser: at 0.02 about 0.43, at 0.1 about 0.47.
     friction: float = allowed(0.0, at_least=0.0, at_most=10.0)

@@ -17,6 +17,10 @@ DRAG_STEPS, RELEASE_DRAG_STEPS = 100, 1500
 PACK_TIME_STEP_FRACTION = 0.6
 #: Local damping of the decks in.stress, with which the time step has to be stable too.
 SETTLING_DAMPING = 0.7
+#: Limits of the plates' speed while the initial stress settles and while it is loaded, m/s; and over the mean overlap in a step, which is
+#: what counts where contacts are stiff: a plate that has lost its grains meets them again without a blow.
+SETTLING_PLATE_SPEED, LOADING_PLATE_SPEED = 0.2, 2.0
+SETTLING_PLATE_OVERLAPS, LOADING_PLATE_OVERLAPS = 0.06, 0.6
 #: Overlapping grains move at most this part of a diameter in a step while they are pushed apart.
 LARGEST_MOVE_DIAMETERS = 0.01
 #: Bonds may stretch to the strength this many standard deviations above the mean before the neighbour list loses them.
@@ -90,6 +94,8 @@ def stress_variables(case: RunCase, before) -> dict[str, object]:
         "restart_in": before.restart,
         "left": lower[0], "right": upper[0], "front": lower[1], "back": upper[1], "bottom": lower[2], "top": upper[2],
         "initial_stress": case.initial_stress_Pa,
+        "pack_stress": case.pack.confining_stress_Pa,
+        "wall_speed_limit": _plate_speed(case, SETTLING_PLATE_SPEED, SETTLING_PLATE_OVERLAPS),
         "normal_x": normal[0], "normal_z": normal[2],
         "interface_left_x": left[0], "interface_left_z": left[2],
         "interface_right_x": right[0], "interface_right_z": right[2],
@@ -103,6 +109,12 @@ def stress_variables(case: RunCase, before) -> dict[str, object]:
 def _settling_variables(case: RunCase) -> dict[str, object]:
     """Contacts, and a time step that is stable with the damping under which the initial stress settles."""
     return common_variables(case) | {"time_step": min(case.time_step_s, case.stable_time_step_s(SETTLING_DAMPING, case.material.friction > 0.0))}
+
+
+def _plate_speed(case: RunCase, limit: float, overlaps: float) -> float:
+    """Largest speed of a plate, m/s: `limit`, or `overlaps` times the mean overlap under the initial stress, sigma d^2 / k_n, in a step."""
+    overlap = case.initial_stress_Pa * (2.0 * case.mean_radius_m) ** 2 / case.normal_stiffness_N_per_m
+    return min(limit, overlaps * overlap / case.time_step_s)
 
 
 def _supplement_variables(case: RunCase, fault: FaultGeometry) -> dict[str, object]:
@@ -141,6 +153,7 @@ def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[s
         values |= {
             "wall_speed": 0.5 * case.loading.strain_rate_per_s * (fault.upper[0] - fault.lower[0]),
             "vertical_stress": case.loading.vertical_stress_Pa,
+            "wall_speed_limit": _plate_speed(case, LOADING_PLATE_SPEED, LOADING_PLATE_OVERLAPS),
         }
         values |= {f"area_{plate[2:]}": area for plate, area in plate_areas(case, fault).items()}
     return values | case.loading.deck_variables

@@ -26,9 +26,8 @@ from coupling.signals import StopRequest
 from coupling.walls import SCENE_WALLS, wall_positions
 
 RESTART, MANIFEST = "engine.restart", "manifest.json"
-#: Balance that the initial stress ends with: mean unbalanced force over mean contact force, and how far the walls' forces may be
-#: from their targets.
-BALANCED, WALL_TOLERANCE = 1e-3, 2e-3
+#: Balance that the initial stress ends with: mean unbalanced force over mean contact force.
+BALANCED = 1e-3
 #: What makes a pack beside its decks and inputs.
 PACK_SOURCES = ("pack.py", "packing.py", "size_exchange.py", "balance.py")
 PARTIAL_SUFFIX = ".partial"
@@ -195,7 +194,7 @@ def _make_stress(case: RunCase, engine: Engine, comm, deck: Path, work: Path, be
     packed = before.manifest["walls"]
     areas = loaded_areas(case, fault_geometry(case, packed, case.pack.box_m[2]))
     targets = {name: case.initial_stress_Pa * area for name, area in areas.items()}
-    settle(engine, comm, "initial stress", lambda: targets, balanced=BALANCED, tolerance=WALL_TOLERANCE)
+    settle(engine, comm, "initial stress", lambda: targets, balanced=BALANCED, tolerance=case.pack.initial_stress_tolerance)
     return before.manifest | {"walls": wall_positions(engine, SCENE_WALLS[case.scene]), "geometry": packed}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from processes import the_message
-from tiny_fault import settings
+from tiny_fault import history, settings
 
 SEVERAL = pytest.param(2, marks=pytest.mark.parallel)
 
@@ -57,6 +57,14 @@ def test_what_differs_is_made_anew(run, cache, override, made):
     before = kept(cache)
     assert run(override).returncode == 0
     assert sorted(name.split("-")[0] for name in set(kept(cache)) - set(before)) == made
+
+
+def test_stiff_grains_are_unloaded_to_the_initial_stress(run, tmp_path):
+    stiff = ("material.stiffness_reading=literal", "material.modulus_Pa=1e10", "loading.horizontal_strain=1e-6", "output.history_interval_steps=10")
+    done = run(*stiff, "pack.confining_stress_Pa=1e9", "pack.initial_stress_tolerance=0.02")
+    assert done.returncode == 0, done.stderr
+    stresses = history(tmp_path / "out" / "tiny" / "dry")
+    assert [stresses[name][0] for name in ("sigma_h_left_Pa", "sigma_h_right_Pa", "sigma_v_Pa")] == pytest.approx([1e7] * 3, rel=0.05)
 
 
 @pytest.mark.parametrize("ranks", [1, SEVERAL])

@@ -39,6 +39,8 @@ BAD = [
     ([WALL + "velocity 0 servo stress 1 area 1 gain 1 vmax 1"], "give either velocity or servo, once"),
     ([WALL + "servo stress 1e6 area -2 gain 0.5 vmax 0.1"], "servo area is -2, allowed: above 0"),
     ([WALL + "servo stress 1e6 area 1 gain 7 vmax 0.1"], "servo gain is 7, allowed: above 0 to 1"),
+    ([WALL + "servo stress 1e6 area 1 gain 0.5 vmax 0"], "servo vmax is 0, allowed: above 0"),
+    ([WALL + "servo stress 1e6 area 1 gain 0.5 vmax v_nothing"], "servo vmax is v_nothing, allowed: a number, or v_name of an equal-style variable"),
     ([WALL + "servo stress 1e6 area 1 gain 0.5"], "servo is missing, allowed: stress S area A gain C vmax V"),
     ([WALL + "servo stress v_nothing area 1 gain 0.5 vmax 0.1"], "servo stress is v_nothing, allowed: a number, or v_name of an equal-style variable"),
     ([WALL + "velocity 0", "fix_modify w servo stress 1"], "servo is missing, allowed: stress S area A gain C vmax V"),

@@ -111,9 +111,10 @@ def test_the_dashpot_does_not_pull() -> None:
     assert force == 0 and state[CONTACT_FORCE] == 0 and state[CONTACTS] == 1
 
 
-def servo_steps_scene(comm) -> list[list[float]]:
+def servo_steps_scene(comm, limit: str) -> list[list[float]]:
     scene = Scene(comm, column())
-    scene.commands(f"fix top all wall/plane normal 0 0 -1 position 0.008999 kn 1e6 {SERVO.replace('gain 0.1', 'gain 0.01')}", "fix move all nve/sphere")
+    scene.commands("variable limit equal 0.2+0.3", f"fix top all wall/plane normal 0 0 -1 position 0.008999 kn 1e6 {SERVO.replace('gain 0.1', 'gain 0.01').replace('vmax 0.5', limit)}",
+                   "fix move all nve/sphere")
     scene.engine.set_wall_fluid_force("top", 2.0)
     states = []
     for step in range(200):
@@ -122,8 +123,9 @@ def servo_steps_scene(comm) -> list[list[float]]:
     return states
 
 
-def test_speed_of_the_servo_at_each_step() -> None:
-    states = run_scene(servo_steps_scene)[0]
+@pytest.mark.parametrize("limit", ["vmax 0.5", "vmax v_limit"])
+def test_speed_of_the_servo_at_each_step(limit) -> None:
+    states = run_scene(servo_steps_scene, limit=limit)[0]
     limited = states[0][LIMITED]
     for before, after in zip(states, states[1:]):
         speed = 0.01 * (STRESS * AREA - before[CONTACT_FORCE] - 2.0) / (1e6 * max(before[CONTACTS], 1) * 1e-7)

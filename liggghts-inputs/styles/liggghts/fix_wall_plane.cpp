@@ -116,7 +116,9 @@ void FixWallPlane::read_servo(Arguments &arguments)
       gain_ = arguments.number("servo gain", [](double g) { return g > 0.0 && g <= 1.0; }, "above 0 to 1");
       has_gain = true;
     } else if (keyword == "vmax") {
-      speed_limit_ = arguments.number("servo vmax", positive, "above 0 (m/s)");
+      speed_limit_ = read_quantity(arguments, "servo vmax");
+      if (speed_limit_.variable.empty() && !positive(speed_limit_.number))
+        arguments.refuse("servo vmax", text_of(speed_limit_.number), "above 0 (m/s)");
       has_limit = true;
     } else {
       arguments.refuse("servo keyword", keyword, "stress, area, gain, vmax");
@@ -149,6 +151,7 @@ void FixWallPlane::init()
   if (servo_) {
     find_variable(stress_, "stress");
     find_variable(area_, "area");
+    find_variable(speed_limit_, "vmax");
   }
 }
 
@@ -177,11 +180,14 @@ void FixWallPlane::initial_integrate(int)
     modify->clearstep_compute();
     const double area = value_of(area_, "area");
     const double target = value_of(stress_, "stress") * area;
+    const double limit = value_of(speed_limit_, "vmax");
     modify->addstep_compute(update->ntimestep + 1);
     if (!positive(area))
       error->all(FLERR, (command() + ": servo area is " + text_of(area) + ", allowed: above 0 (m2)").c_str());
+    if (!positive(limit))
+      error->all(FLERR, (command() + ": servo vmax is " + text_of(limit) + ", allowed: above 0 (m/s)").c_str());
     const auto speed = laws::servo_speed(gain_, target, state_[contact_force] + state_[fluid_force], stiffness_,
-                                         state_[contacts], update->dt, speed_limit_);
+                                         state_[contacts], update->dt, limit);
     state_[velocity] = inward_ * speed.into_grains;
     if (speed.limited) state_[limited_steps] += 1.0;
   }

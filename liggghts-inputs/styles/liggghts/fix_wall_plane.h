@@ -50,9 +50,8 @@ class FixWallPlane : public LAMMPS_NS::Fix {
   double stiffness_ = 0.0;
   double damping_ = 0.0;  // 1/s, times the grain's mass
   bool servo_ = false;
-  Quantity stress_, area_;
+  Quantity stress_, area_, speed_limit_;
   double gain_ = 0.0;
-  double speed_limit_ = 0.0;
   bool reset_ = false;
   double state_[state_columns] = {};
   std::vector<int> near_;        // own grains that can touch before the next neighbour list
