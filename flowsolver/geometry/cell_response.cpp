@@ -1,38 +1,59 @@
 #include "geometry/cell_response.hpp"
 
+#include <cstring>
+
 namespace poreslip::geometry {
 namespace {
 
-inline double gained_volume(const std::array<std::int32_t, 4>& grain, const std::array<Four, 4>& gradient, const Four* displacement) {
-  const Four sum = (gradient[0] * displacement[grain[0]] + gradient[1] * displacement[grain[1]]) +
-                   (gradient[2] * displacement[grain[2]] + gradient[3] * displacement[grain[3]]);
-  return (sum[0] + sum[1]) + sum[2];
+// Three values and the one after them, from any address.
+inline Four load(const double* from) {
+  Four value;
+  std::memcpy(&value, from, sizeof value);
+  return value;
 }
 
-inline void push(const std::array<std::int32_t, 4>& grain, const std::array<Four, 4>& gradient, double pressure, Four* force) {
-  for (int k = 0; k < 4; ++k) force[grain[k]] += pressure * gradient[k];
-}
+struct Cell {
+  const std::array<std::int32_t, 4>& grain;
+  Four a, b, c;
+  Cell(const CellGradients& cells, std::size_t cell)
+      : grain(cells.grain[cell]), a(load(&cells.gradient[9 * cell])), b(load(&cells.gradient[9 * cell + 3])),
+        c(load(&cells.gradient[9 * cell + 6])) {}
+
+  double gained(const Four* displacement) const {
+    const Four base = displacement[grain[3]];
+    const Four sum = a * (displacement[grain[0]] - base) + b * (displacement[grain[1]] - base) + c * (displacement[grain[2]] - base);
+    return (sum[0] + sum[1]) + sum[2];
+  }
+  void push(double pressure, Four* force) const {
+    const Four pa = pressure * a, pb = pressure * b, pc = pressure * c;
+    force[grain[0]] += pa;
+    force[grain[1]] += pb;
+    force[grain[2]] += pc;
+    force[grain[3]] -= pa + pb + pc;
+  }
+};
 
 }  // namespace
 
 void add_gained_volumes(const CellGradients& cells, const Four* displacement, std::size_t first, std::size_t last, double* gained) {
-  for (std::size_t c = first; c < last; ++c) gained[c] += gained_volume(cells.grain[c], cells.gradient[c], displacement);
+  for (std::size_t c = first; c < last; ++c) gained[c] += Cell(cells, c).gained(displacement);
 }
 
 void add_cell_forces(const CellGradients& cells, const double* pressure, std::size_t first, std::size_t last, Four* force) {
-  for (std::size_t c = first; c < last; ++c) push(cells.grain[c], cells.gradient[c], pressure[c], force);
+  for (std::size_t c = first; c < last; ++c) Cell(cells, c).push(pressure[c], force);
 }
 
-double answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last,
-              double* pressure, double* swept, Four* force) {
+double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const double* start, const double* stiffness,
+              std::size_t first, std::size_t last, double* swept, Four* force) {
   double work = 0.0;
   for (std::size_t c = first; c < last; ++c) {
-    const double gained = gained_volume(cells.grain[c], cells.gradient[c], displacement);
-    const double before = pressure[c], after = before - stiffness[c] * gained;
-    pressure[c] = after;
-    swept[c] += gained;
-    work += 0.5 * (before + after) * gained;
-    push(cells.grain[c], cells.gradient[c], after, force);
+    const Cell cell(cells, c);
+    const double gained = cell.gained(displacement) + (by_walls ? by_walls[c - first] : 0.0), all = swept[c] + gained;
+    const double after = start[c] - stiffness[c] * all;
+    swept[c] = all;
+    // The mean of after and after + stiffness * gained.
+    work += (after + 0.5 * stiffness[c] * gained) * gained;
+    cell.push(after, force);
   }
   return work;
 }

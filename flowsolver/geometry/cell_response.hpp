@@ -1,5 +1,5 @@
 // What pressures in cells answer to moving grains, and what they do to them, from the gradients of the cells' volumes, which
-// stand still: dV_c = sum_g dV_c/dx_g . dx_g, p_c -= dV_c / (beta V_c), F_g = sum_c p_c dV_c/dx_g. Pure functions.
+// stand still: V_c gains sum_g dV_c/dx_g . dx_g, p_c loses that over beta V_c, F_g = sum_c p_c dV_c/dx_g. Pure functions.
 #pragma once
 
 #include <array>
@@ -9,26 +9,28 @@
 
 namespace poreslip::geometry {
 
-// Three components and one that stays 0: one vector register.
+// Three components and one that is not used: one vector register.
 using Four [[gnu::vector_size(32)]] = double;
 
-// Gradients dV_c/dx_g, m^2, of the four vertices of each cell. A vertex that is a wall is listed as the grain past the last one,
-// with a gradient of 0.
+// Gradients dV_c/dx_g, m^2, with respect to the first three vertices of each cell. The fourth's is minus their sum: no volume changes
+// when all four move alike. A vertex that is a wall is listed as the grain past the last one, which stays at rest; a cell with
+// walls has them last.
 struct CellGradients {
   std::vector<std::array<std::int32_t, 4>> grain;
-  std::vector<std::array<Four, 4>> gradient;
+  std::vector<double> gradient;  // (cells, 9), and one more
 };
 
 // Volumes that cells [first, last) gain by the displacements (grains + 1), m, of their grains. Adds to gained (cells), m^3.
 void add_gained_volumes(const CellGradients& cells, const Four* displacement, std::size_t first, std::size_t last, double* gained);
 
-// Forces of the pressures (cells) on grains; adds to force (grains + 1), N.
+// Forces of the pressures (cells) on grains; adds to the first three components of force (grains + 1), N.
 void add_cell_forces(const CellGradients& cells, const double* pressure, std::size_t first, std::size_t last, Four* force);
 
-// The undrained answer, and the forces of the new pressures, in one pass over cells [first, last): pressure -= stiffness * gained,
-// with stiffness = 1 / (beta V), Pa/m^3, or 0 where the pressure stands. Adds to swept (cells), m^3, and to force; returns the
-// volumes gained times the mean of the pressures before and after, J.
-double answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last,
-              double* pressure, double* swept, Four* force);
+// The undrained answer, and the forces of the new pressures, in one pass over cells [first, last): pressure = start - stiffness *
+// swept, with stiffness = 1 / (beta V), Pa/m^3, or 0 where the pressure stands. by_walls (last - first), m^3, or null: what the walls add
+// to the cells' volumes. Adds to swept (cells), m^3, and to force; returns the volumes gained times the mean of the pressures before
+// and after, J.
+double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const double* start, const double* stiffness,
+              std::size_t first, std::size_t last, double* swept, Four* force);
 
 }  // namespace poreslip::geometry

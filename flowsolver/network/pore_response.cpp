@@ -11,36 +11,38 @@
 namespace poreslip {
 namespace {
 
-using geometry::CellGradients;
 using geometry::ForceLaw;
 using geometry::Four;
 
-// Empty gradients of all cells of a mesh; `past` stands for walls.
-CellGradients no_gradients(const Mesh& mesh, std::int32_t past) {
-  CellGradients cells;
-  cells.grain.resize(mesh.cells());
-  cells.gradient.assign(mesh.cells(), {});
-  for (std::size_t c = 0; c < mesh.cells(); ++c)
-    for (int k = 0; k < 4; ++k) cells.grain[c][k] = is_wall(mesh.cell_vertex[k][c]) ? past : mesh.cell_vertex[k][c];
-  return cells;
+using Gradients = std::vector<std::array<Four, 4>>;  // dV_c/dx of the four vertices of each cell; 0 for walls
+
+void add_gradient(Gradients& gradients, const Mesh& mesh, std::size_t cell, Vertex grain, const Four& gradient) {
+  int k = 0;
+  while (mesh.cell_vertex[k][cell] != grain) ++k;
+  gradients[cell][k] += gradient;
 }
 
-void add_gradient(CellGradients& cells, std::size_t cell, Vertex grain, const Four& gradient) {
-  const auto& of_cell = cells.grain[cell];
-  const int k = of_cell[0] == grain ? 0 : of_cell[1] == grain ? 1 : of_cell[2] == grain ? 2 : 3;
-  cells.gradient[cell][k] += gradient;
-}
-
-void add_facets(CellGradients& cells, const FacetView& facets, const GrainView& grains, ForceLaw law) {
+void add_facets(Gradients& gradients, const Mesh& mesh, const FacetView& facets, const GrainView& grains, ForceLaw law) {
   for (std::size_t f = 0; f < facets.size(); ++f) {
     const geometry::FacetShares s = geometry::facet_shares(facets, grains, f, law);
     const Four normal{s.normal[0], s.normal[1], s.normal[2], 0.0};
     const int count = f < facets.end[0] ? 3 : f < facets.end[1] ? 2 : 1;
     for (int k = 0; k < count; ++k) {
       const Four part = s.share[k] * normal;
-      add_gradient(cells, facets.left[f], facets.vertex[k][f], part);
-      if (facets.right[f] >= 0) add_gradient(cells, facets.right[f], facets.vertex[k][f], -part);
+      add_gradient(gradients, mesh, facets.left[f], facets.vertex[k][f], part);
+      if (facets.right[f] >= 0) add_gradient(gradients, mesh, facets.right[f], facets.vertex[k][f], -part);
     }
+  }
+}
+
+// A pore that this rank does not own may lack facets, and with them parts of the gradients of vertices that are not its own, whose
+// forces and volumes are the owner's matter. Those are set so that all four sum to 0.
+void close(std::array<Four, 4>& gradient, const Mesh& mesh, std::size_t cell, const LocalGrains& local) {
+  for (int k = 0; k < 3; ++k) {
+    const Vertex v = mesh.cell_vertex[k][cell];
+    if (local.source[v] >= 0) continue;
+    gradient[k] -= (gradient[0] + gradient[1]) + (gradient[2] + gradient[3]);
+    return;
   }
 }
 
@@ -48,7 +50,7 @@ void add_facets(CellGradients& cells, const FacetView& facets, const GrainView& 
 
 void PoreResponse::begin(ForceLaw law, const double* pressure, const double* stiffness) {
   const std::size_t pores = network_.pores();
-  pressure_.assign(pressure, pressure + pores);
+  start_.assign(pressure, pressure + pores);
   stiffness_.assign(stiffness, stiffness + pores);
   swept_.assign(pores, 0.0);
   gained_.resize(pores);
@@ -68,20 +70,45 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* sti
 void PoreResponse::take_gradients(ForceLaw law) {
   const Mesh& mesh = network_.mesh();
   const GrainView grains = network_.view();
-  const auto past = static_cast<std::int32_t>(network_.local_grains().size());
-  volume_ = no_gradients(mesh, past);
-  push_ = law == ForceLaw::total ? CellGradients{} : volume_;
-  add_facets(volume_, mesh.facet_view(), grains, ForceLaw::total);
-  add_facets(volume_, mesh.outer.view(), grains, ForceLaw::total);
+  const LocalGrains& local = network_.local_grains();
+  Gradients gradients(mesh.cells());
+  add_facets(gradients, mesh, mesh.facet_view(), grains, ForceLaw::total);
+  add_facets(gradients, mesh, mesh.outer.view(), grains, ForceLaw::total);
   if (network_.groups() > 1)
     for_each_step_gradient(mesh, grains, network_.wall_facets(), [&](std::size_t c, Vertex g, const Vector3& gradient) {
-      add_gradient(volume_, c, g, Four{gradient[0], gradient[1], gradient[2], 0.0});
+      add_gradient(gradients, mesh, c, g, Four{gradient[0], gradient[1], gradient[2], 0.0});
     });
-  if (law != ForceLaw::total) add_facets(push_, mesh.facet_view(), grains, law);
+  volume_.grain.resize(mesh.cells());
+  volume_.gradient.resize(9 * mesh.cells() + 1);
+  for (std::size_t c = 0; c < mesh.cells(); ++c) {
+    if (!mesh.owned[c] && c < mesh.cell_end[0]) close(gradients[c], mesh, c, local);
+    for (int k = 0; k < 4; ++k) {
+      const Vertex v = mesh.cell_vertex[k][c];
+      volume_.grain[c][k] = is_wall(v) ? static_cast<std::int32_t>(local.size()) : v;
+      for (int d = 0; k < 3 && d < 3; ++d) volume_.gradient[9 * c + 3 * k + d] = gradients[c][k][d];
+    }
+  }
+  push_.clear();
+  if (law != ForceLaw::total) {
+    push_.resize(mesh.cells());
+    add_facets(push_, mesh, mesh.facet_view(), grains, law);
+  }
   roof_.clear();
   geometry::for_each_roof(mesh.cell_view(), grains, [this](std::size_t cell, std::size_t entry, double area) {
-    roof_.push_back({cell, entry, area});
+    if (!roof_.empty() && roof_.back().cell == cell && roof_.back().entry == entry) roof_.back().area += area;
+    else roof_.push_back({cell, entry, area});
   });
+}
+
+// Forces of the pressures on the local grains.
+void PoreResponse::push() const {
+  const std::vector<double> now = pressure();
+  if (push_.empty()) {
+    geometry::add_cell_forces(volume_, now.data(), 0, now.size(), force_.data());
+    return;
+  }
+  for (std::size_t c = 0; c < now.size(); ++c)
+    for (int k = 0; k < 4; ++k) force_[volume_.grain[c][k]] += now[c] * push_[c][k];
 }
 
 void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
@@ -113,7 +140,7 @@ void PoreResponse::spread(double dt, const double* velocity) {
   if (alone_) {
     for (std::size_t i = 0; i < input_of_local_.size(); ++i) {
       const double* v = velocity + 3 * static_cast<std::size_t>(input_of_local_[i]);
-      displacement_[i] = dt * Four{v[0], v[1], v[2], 0.0};
+      displacement_[i] = Four{dt * v[0], dt * v[1], dt * v[2], 0.0};
     }
     return;
   }
@@ -124,21 +151,21 @@ void PoreResponse::spread(double dt, const double* velocity) {
   for (std::size_t i = 0; i < local.size(); ++i) {
     const std::int32_t s = local.source[i];
     const auto& v = s >= 0 ? own[s] : halo[-1 - s];
-    displacement_[i] = dt * Four{v[0], v[1], v[2], 0.0};
+    displacement_[i] = Four{dt * v[0], dt * v[1], dt * v[2], 0.0};
   }
 }
 
 // Forces on the caller's grains from those on the local ones.
-void PoreResponse::collect(std::vector<Four>& force, double* out) const {
+void PoreResponse::collect(double* out) const {
   if (alone_) {
     for (std::size_t i = 0; i < input_of_local_.size(); ++i)
-      for (int d = 0; d < 3; ++d) out[3 * static_cast<std::size_t>(input_of_local_[i]) + d] = force[i][d];
+      for (int d = 0; d < 3; ++d) out[3 * static_cast<std::size_t>(input_of_local_[i]) + d] = force_[i][d];
     return;
   }
   const LocalGrains& local = network_.local_grains();
   std::vector<std::array<double, 3>> own(network_.own_grains());
   for (std::size_t i = 0; i < local.size(); ++i)
-    if (const std::int32_t s = local.source[i]; s >= 0) own[s] = {force[i][0], force[i][1], force[i][2]};
+    if (const std::int32_t s = local.source[i]; s >= 0) own[s] = {force_[i][0], force_[i][1], force_[i][2]};
   directory_.scatter(network_.communicator(), own, out);
 }
 
@@ -146,14 +173,20 @@ void PoreResponse::sum_roofs(double* wall_force) const {
   std::fill_n(wall_force, wall_before_.size(), 0.0);
   const bool* const owned = network_.owned();
   for (const Roof& r : roof_)
-    if (owned[r.cell]) wall_force[r.entry] += pressure_[r.cell] * r.area;
+    if (owned[r.cell]) wall_force[r.entry] += pressure_of(r.cell) * r.area;
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
+}
+
+std::vector<double> PoreResponse::pressure() const {
+  std::vector<double> now(start_.size());
+  for (std::size_t c = 0; c < now.size(); ++c) now[c] = pressure_of(c);
+  return now;
 }
 
 void PoreResponse::forces(double* force, double* wall_force) const {
   std::fill(force_.begin(), force_.end(), Four{});
-  geometry::add_cell_forces(push_.grain.empty() ? volume_ : push_, pressure_.data(), 0, pressure_.size(), force_.data());
-  collect(force_, force);
+  push();
+  collect(force);
   sum_roofs(wall_force);
 }
 
@@ -168,47 +201,56 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
   }
   spread(dt, velocity);
   std::fill(force_.begin(), force_.end(), Four{});
-  // Cells without walls come first; those with walls also gain what the walls sweep.
-  const std::size_t inner = network_.mesh().cell_end[0], pores = pressure_.size();
-  double by_fluid = 0.0;
-  std::size_t first = 0;
-  if (alone_ && push_.grain.empty()) {
-    by_fluid = geometry::answer(volume_, displacement_.data(), stiffness_.data(), 0, inner, pressure_.data(), swept_.data(), force_.data());
-    first = inner;
-  }
-  std::fill(gained_.begin() + first, gained_.end(), 0.0);
-  for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
-  geometry::add_gained_volumes(volume_, displacement_.data(), first, pores, gained_.data());
-  // Only the owner of a pore is sure to know all its facets.
-  if (!alone_) network_.exchange().fetch(gained_.data());
-  const bool* const owned = network_.owned();
-  for (std::size_t c = first; c < pores; ++c) {
-    const double before = pressure_[c];
-    pressure_[c] -= stiffness_[c] * gained_[c];
-    swept_[c] += gained_[c];
-    if (owned[c]) by_fluid += 0.5 * (before + pressure_[c]) * gained_[c];
-  }
-  geometry::add_cell_forces(push_.grain.empty() ? volume_ : push_, pressure_.data(), first, pores, force_.data());
+  work_[1] += alone_ && push_.empty() ? answer_alone(dt, wall_velocity) : answer_shared(dt, wall_velocity);
 
-  // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
-  const auto add_work = [this, dt](const double* before, const double* after, const double* speed, std::size_t size, double share) {
-    for (std::size_t k = 0; k < size; ++k) {
-      const double work = share * 0.5 * (before[k] + after[k]) * dt * speed[k];
-      work_[0] += work;
-      work_[2] += std::abs(work);
-    }
-  };
   before_.assign(force, force + 3 * count);
-  collect(force_, force);
+  collect(force);
   sum_roofs(wall_force);
-  add_work(before_.data(), force, velocity, 3 * count, 1.0);
+  // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
+  const auto add_work = [this, dt](const double* before, const double* after, const double* speed, std::size_t size) {
+    double sum = 0.0, sizes = 0.0;
+    for (std::size_t k = 0; k < size; ++k) {
+      const double work = 0.5 * (before[k] + after[k]) * dt * speed[k];
+      sum += work;
+      sizes += std::abs(work);
+    }
+    work_[0] += sum;
+    work_[2] += sizes;
+  };
+  add_work(before_.data(), force, velocity, 3 * count);
   // The walls are every rank's: one counts them.
   int rank = 0;
   MPI_Comm_rank(network_.communicator(), &rank);
-  add_work(wall_before_.data(), wall_force, wall_velocity, wall_before_.size(), rank == 0 ? 1.0 : 0.0);
+  if (rank == 0) add_work(wall_before_.data(), wall_force, wall_velocity, wall_before_.size());
   std::copy_n(wall_force, wall_before_.size(), wall_before_.begin());
-  work_[1] += by_fluid;
   elapsed_ += dt;
+}
+
+// Where this rank knows all of every pore, and forces are the gradients of the volumes: one pass.
+double PoreResponse::answer_alone(double dt, const double* wall_velocity) {
+  const std::size_t inner = network_.mesh().cell_end[0], pores = start_.size();
+  // Cells without walls come first; those with walls also gain what the walls sweep.
+  std::fill(gained_.begin() + inner, gained_.end(), 0.0);
+  for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
+  const auto answer = [this](const double* by_walls, std::size_t first, std::size_t last) {
+    return geometry::answer(volume_, displacement_.data(), by_walls, start_.data(), stiffness_.data(), first, last, swept_.data(), force_.data());
+  };
+  return answer(nullptr, 0, inner) + answer(gained_.data() + inner, inner, pores);
+}
+
+double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
+  std::fill(gained_.begin(), gained_.end(), 0.0);
+  for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
+  geometry::add_gained_volumes(volume_, displacement_.data(), 0, gained_.size(), gained_.data());
+  // Only the owner of a pore is sure to know all its facets.
+  network_.exchange().fetch(gained_.data());
+  double work = 0.0;
+  for (std::size_t c = 0; c < gained_.size(); ++c) {
+    swept_[c] += gained_[c];
+    if (network_.owned()[c]) work += (pressure_of(c) + 0.5 * stiffness_[c] * gained_[c]) * gained_[c];
+  }
+  push();
+  return work;
 }
 
 const char* PoreResponse::step_for_engine(void* response, double dt, int count, const int* id, const double* velocity,

@@ -42,7 +42,7 @@ class PoreResponse {
   std::size_t grains() const { return directory_.input_size(); }
   std::size_t groups() const { return wall_before_.size() / 6; }
   double elapsed() const { return elapsed_; }                          // s, since the interval began
-  const std::vector<double>& pressure() const { return pressure_; }    // (pores), Pa
+  std::vector<double> pressure() const;                                // (pores), Pa
   const std::vector<double>& swept() const { return swept_; }          // (pores), m^3: volumes gained since then
   // Of this rank, J: done on grains and walls by the mean of the forces before and after each step; given by the fluid; and
   // the sizes of the first's terms.
@@ -58,7 +58,11 @@ class PoreResponse {
   void take_gradients(geometry::ForceLaw law);
   void take_order(std::size_t count, const std::int32_t* id);
   void spread(double dt, const double* velocity);
-  void collect(std::vector<geometry::Four>& force, double* out) const;
+  void collect(double* out) const;
+  double pressure_of(std::size_t pore) const { return start_[pore] - stiffness_[pore] * swept_[pore]; }
+  double answer_alone(double dt, const double* wall_velocity);
+  double answer_shared(double dt, const double* wall_velocity);
+  void push() const;
   void sum_roofs(double* wall_force) const;
 
   PoreNetwork& network_;
@@ -66,9 +70,10 @@ class PoreResponse {
   std::vector<std::int32_t> id_;                 // the caller's order; empty: that of the network's last update
   bool alone_ = true;                            // every local grain is one of the caller's: no halo, no strays
   std::vector<std::int32_t> input_of_local_;     // where alone: place in the caller's order
-  geometry::CellGradients volume_, push_;        // push_: where forces are not the gradients of the volumes, else empty
+  geometry::CellGradients volume_;
+  std::vector<std::array<geometry::Four, 4>> push_;  // where forces are not the gradients of the volumes (2), else empty
   std::vector<Roof> roof_;
-  std::vector<double> pressure_, stiffness_, swept_, gained_;
+  std::vector<double> start_, stiffness_, swept_, gained_;
   std::vector<geometry::Four> displacement_;
   mutable std::vector<geometry::Four> force_;
   std::vector<double> before_, wall_before_;     // forces before the step
