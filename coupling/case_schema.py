@@ -236,8 +236,9 @@ class Flow:
     # "total": pressure on the grains' surfaces and drag in the throats, the exact gradient of sum p V. "pressure": (2) of the paper alone.
     forces: str = allowed("total", choices=("total", "pressure"))
     # With "solve", what the pressures do between two solves: "undrained": they answer every step of the grains as if no fluid passed any
-    # throat; "staggered": they stand still, which is stable only while the fluid is softer than the skeleton.
-    split: str = allowed("undrained", choices=("undrained", "staggered"))
+    # throat; "predicted": so they do, and go on draining as in the interval before, which allows longer intervals; "staggered": they stand
+    # still, which is stable only while the fluid is softer than the skeleton.
+    split: str = allowed("undrained", choices=("undrained", "predicted", "staggered"))
     # Steps between two updates of the forces; with "solve", between two solves of the flow.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
     # Which deck include adds the forces: "fast", the compiled fix, or "addforce", LIGGGHTS' own fix addforce with atom-style variables.

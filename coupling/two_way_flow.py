@@ -27,7 +27,7 @@ from coupling.phases import Phases
 from coupling.walls import GROUPS, SceneWalls
 
 #: Names of flow.split as the flow solver has them.
-SPLITS = {"undrained": "undrained", "staggered": "drained"}
+SPLITS = {"undrained": "undrained", "predicted": "predicted", "staggered": "drained"}
 #: Id of the fix that has the fluid answer the engine's steps.
 FIX = "two_way"
 #: Of the linear solver, relative: with it the balance of mass closes to 1e-10 of the throughput of an interval in which grains move.
@@ -49,7 +49,7 @@ class TwoWayFlow(Dry):
         self._network.remember_previous()
         self._boundary = Boundary(pressure={face: float(pressure) for face, pressure in case.fluid.faces.items()})
         self._flow: PoreFlow | None = None
-        self._pressure = np.zeros(0)
+        self._pressure = self._drainage = np.zeros(0)
         self._coupling: TwoWayCoupling | None = None
         engine.command(f"fix {FIX} all poreforce/two_way pore_force")
         self._result: FlowResult | None = None
@@ -65,7 +65,7 @@ class TwoWayFlow(Dry):
                 if self._coupling is None:
                     self._couple()
                 else:
-                    self._coupling.begin(self._pressure)
+                    self._coupling.begin(self._pressure, self._drainage)
             self._set_forces()
             self._walls_before = self._walls.states(self._engine)
             self._measure_momentum()
@@ -81,7 +81,7 @@ class TwoWayFlow(Dry):
 
     def _couple(self) -> None:
         """Have the engine call the fluid in each of its steps."""
-        self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE, self._law)
+        self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
         self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
 
     def _exchange(self) -> None:
@@ -95,7 +95,7 @@ class TwoWayFlow(Dry):
             self._result = self._coupling.exchange()
         report = self._result.report
         self._phases.shared("solve", {"assembly": report["seconds"]["assemble"]})
-        self._pressure = self._result.pressure
+        self._pressure, self._drainage = self._result.pressure, self._coupling.drainage
         self._keep_worst("mass_residual", self._result.mass_residual)
         self.solver |= {
             "solves": self.solver.get("solves", 0) + 1,
@@ -125,11 +125,14 @@ class TwoWayFlow(Dry):
         with self._phases.timed("geometry"):
             if self._flow is None:
                 self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)
-                self._pressure = self._restored() if self._saved else np.full(network.pores, self._fluid.initial_pressure_Pa)
+                self._pressure = self._restored("pressure") if self._saved else np.full(network.pores, self._fluid.initial_pressure_Pa)
+                self._drainage = self._restored("drainage") if self._saved else np.zeros(network.pores)
                 return
             if outcome != "kept":
                 before = self._pressure
                 self._pressure = carry_pressure(network, before, pores_before)
+                predicted = self._split == "predicted"
+                self._drainage = carry_pressure(network, self._drainage, pores_before) if predicted else np.zeros(network.pores)
                 self._measure_carried(before)
             self._flow.refresh()
 
@@ -160,25 +163,24 @@ class TwoWayFlow(Dry):
             self._take_up()
             self._take_up(rebuild=True)
         owned = self._network.owned
-        parts = self._comm.gather((np.sort(self._network.grains_of_pore[owned], axis=1), self._pressure[owned]))
+        parts = self._comm.gather((np.sort(self._network.grains_of_pore[owned], axis=1), self._pressure[owned], self._drainage[owned]))
         if parts is None:
             return {}
-        grains, pressure = (np.concatenate(column) for column in zip(*parts))
-        return {"grains_of_pore": grains, "pressure": pressure}
+        return dict(zip(("grains_of_pore", "pressure", "drainage"), (np.concatenate(column) for column in zip(*parts))))
 
-    def _restored(self) -> np.ndarray:
-        """(m,) Pa: the checkpoint's pressures on the present mesh."""
+    def _restored(self, name: str) -> np.ndarray:
+        """(m,): the checkpoint's "pressure" (Pa) or "drainage" (Pa/s) on the present mesh."""
         wanted = np.sort(self._network.grains_of_pore, axis=1)
         saved = self._saved["grains_of_pore"]
         _, place = np.unique(np.concatenate([saved, wanted]), axis=0, return_inverse=True)
         place = place.ravel()
         value = np.full(place.max() + 1, np.nan)
-        value[place[: len(saved)]] = self._saved["pressure"]
-        pressure = value[place[len(saved) :]]
-        missing = self._comm.allreduce(int(np.isnan(pressure).sum()))
+        value[place[: len(saved)]] = self._saved[name]
+        values = value[place[len(saved) :]]
+        missing = self._comm.allreduce(int(np.isnan(values).sum()))
         if missing:
             raise ComputationError(f"{missing} pores of the mesh at step {self._engine.step} are not in the checkpoint: run the case from its start")
-        return pressure
+        return values
 
     # -- what is told -----------------------------------------------------------------------------------------------------
 
@@ -236,7 +238,7 @@ class TwoWayFlow(Dry):
         try:
             yield
         except (FlowRefused, FlowFailed) as error:
-            hint = "" if self._split == "undrained" else (
+            hint = "" if self._split != "drained" else (
                 '\n  With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten '
                 "flow.interval_steps")  # fmt: skip
             raise ComputationError(f"the flow cannot be computed at step {self._engine.step}: {error}{hint}") from None

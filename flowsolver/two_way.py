@@ -1,9 +1,13 @@
 """Two-way coupling: grains change the pores' volumes, the fluid's pressures push the grains.
 
-Between solves of the flow the grains make many small steps. With split "undrained" the pressures answer each of them at once as
-if no fluid passed any throat, dp = -dV / (beta V); the solve at the interval's end then lets the fluid flow, from the pressures
-at its start and with all of the interval's volume changes. With split "drained" pressures stand still between solves: that is
-stable only while the fluid's stiffness over the interval stays below the skeleton's.
+Between solves of the flow the grains make many small steps. The solve at an interval's end lets the fluid flow, from the pressures at
+its start and with all of the interval's volume changes; the split decides what the grains feel in between:
+
+undrained   the pressures answer each step at once as if no fluid passed any throat, dp = -dV / (beta V). Stable whatever the
+            interval; what drains reaches the grains half an interval late, an error of first order.
+predicted   so they do, and besides go on at the rate at which the interval before drained, dp/dt = (net flow into the pore) /
+            (beta V): of the lag there remains what the drainage changes from one interval to the next.
+drained     pressures stand still: stable only while the fluid's stiffness over the interval stays below the skeleton's.
 
 The steps are made in C++ (`PoreResponse`), with the gradients of the pores' volumes as they were when the interval began. A DEM engine
 can call it in each of its own steps: `TwoWayCoupling.for_engine`.
@@ -20,7 +24,8 @@ from flowsolver.flow import TOLERANCE, Boundary, FlowResult, PoreFlow
 from flowsolver.network import ForceLaw, PoreNetwork, checked_array, new_response
 from flowsolver.transfer import carry_pressure
 
-Split = Literal["undrained", "drained"]
+Split = Literal["undrained", "predicted", "drained"]
+SPLITS = ("undrained", "predicted", "drained")
 
 
 class TwoWayCoupling:
@@ -34,9 +39,11 @@ class TwoWayCoupling:
         What is given at the flow's edges; it may be replaced between intervals.
     pressure : (m,) float64, Pa, at the start
     split
-        "undrained" or "drained"
+        "undrained", "predicted" or "drained"
     law
         Of the forces, as in `PoreNetwork.forces`.
+    drainage
+        As for `begin`.
     """
 
     def __init__(
@@ -48,30 +55,37 @@ class TwoWayCoupling:
         split: Split = "undrained",
         tolerance: float = TOLERANCE,
         law: ForceLaw = "total",
+        drainage: ArrayLike | None = None,
     ) -> None:
-        faults = [] if split in ("undrained", "drained") else [f'split is {split!r}: expected "undrained" or "drained"']
+        faults = [] if split in SPLITS else [f"split is {split!r}: expected one of {', '.join(SPLITS)}"]
         if law not in ("total", "pressure"):
             faults.append(f'law is {law!r}: expected "total" or "pressure"')
-        if split == "undrained" and not (flow.storage > 0).all():
-            faults.append("the undrained split needs a fluid with compressibility above 0")
+        if split != "drained" and not (flow.storage > 0).all():
+            faults.append(f"the split {split} needs a fluid with compressibility above 0")
         network.agree(faults)
         network.remember_previous()
         self.network, self.flow, self.boundary, self.split, self.tolerance, self.law = network, flow, boundary, split, tolerance, law
         self._response = new_response(network)
-        self.begin(pressure)
+        self.begin(pressure, drainage)
 
-    def begin(self, pressure: ArrayLike) -> None:
-        """Start an interval at these pressures, (m,) Pa, and where grains and walls are at the network's last update."""
+    def begin(self, pressure: ArrayLike, drainage: ArrayLike | None = None) -> None:
+        """Start an interval at these pressures, (m,) Pa, and where grains and walls are at the network's last update.
+
+        drainage : (m,) Pa/s, for the split "predicted": at which the pressures go on draining. Default: none.
+        """
         faults: list[str] = []
-        self._at_start = checked_array("pressure", pressure, np.float64, (self.network.pores,), faults)
-        if not np.isfinite(self._at_start).all():
-            faults.append("pressure has entries that are not finite")
+        m = self.network.pores
+        self._at_start = checked_array("pressure", pressure, np.float64, (m,), faults)
+        rate = np.zeros(m) if drainage is None else checked_array("drainage", drainage, np.float64, (m,), faults)
+        for name, values in (("pressure", self._at_start), ("drainage", rate)):
+            if not np.isfinite(values).all():
+                faults.append(f"{name} has entries that are not finite")
         self.network.agree(faults)
-        given = self.flow.given(self.boundary)
         storage = self.flow.storage
-        answers = ~given if self.split == "undrained" else np.zeros_like(given)
-        stiffness = np.divide(1.0, storage, out=np.zeros_like(storage), where=answers)
-        self._response.begin(self.law, self._at_start, stiffness)
+        answers = ~self.flow.given(self.boundary) if self.split != "drained" else np.zeros(m, bool)
+        self._stiffness = np.divide(1.0, storage, out=np.zeros(m), where=answers)
+        self._drainage = np.where(answers, rate, 0.0) if self.split == "predicted" else np.zeros(m)
+        self._response.begin(self.law, self._at_start, self._drainage, self._stiffness)
         self._force: NDArray[np.float64] | None = None
         self._begun = True
 
@@ -79,6 +93,11 @@ class TwoWayCoupling:
     def pressure(self) -> NDArray[np.float64]:
         """(m,) float64, Pa, local: the present pressures."""
         return self._response.pressure() if self._begun else self._at_start
+
+    @property
+    def drainage(self) -> NDArray[np.float64]:
+        """(m,) float64, Pa/s, local: at which the last interval's flow alone changed the pressures; for `begin`."""
+        return self._drainage
 
     @property
     def work(self) -> tuple[float, float, float]:
@@ -118,14 +137,17 @@ class TwoWayCoupling:
         """Forces of the present pressures: on grains, (n, 3) N, in the order of the network's last update, or of the engine's last step;
         on walls, (G, 6) N, outward, over all ranks."""
         if not self._begun:
-            self.begin(self._at_start)
+            self.begin(self._at_start, self._drainage)
         return self._response.forces()
 
     def exchange(self) -> FlowResult:
         """End the interval: the fluid flows for the time of all its steps. The next one starts with `update`, `begin`, `forces` or `move`."""
         elapsed = self._response.elapsed if self._begun else 0.0
         self.network.agree([] if elapsed > 0 else ["exchange() needs at least one move() before it"])
-        result = self.flow.implicit(self.boundary, self._at_start, elapsed, self._response.swept() / elapsed, self.tolerance)
+        swept = self._response.swept()
+        result = self.flow.implicit(self.boundary, self._at_start, elapsed, swept / elapsed, self.tolerance)
+        drained = (result.pressure - self._at_start + self._stiffness * swept) / elapsed
+        self._drainage = np.where(self._stiffness > 0.0, drained, 0.0) if self.split == "predicted" else np.zeros(len(drained))
         self._response.end()
         self._at_start, self._begun, self._force = result.pressure, False, None
         return result
@@ -136,10 +158,12 @@ class TwoWayCoupling:
         """Between intervals: take up the grains' present places, as `PoreNetwork.update`, with the pressures carried over."""
         moved = self._begun and self._response.elapsed > 0
         self.network.agree(["update() comes between intervals: call exchange() first"] if moved else [])
-        before, pressure = self.network.pores, self.pressure
+        before, pressure, drainage = self.network.pores, self.pressure, self._drainage
         outcome = self.network.update(id, position, radius, wall_position, group)
         if outcome != "kept":
             pressure = carry_pressure(self.network, pressure, before)
+            # As pressures are: what drains from all pores together stays the same.
+            drainage = carry_pressure(self.network, drainage, before)
         self.flow.refresh(self.flow.body_force)
-        self.begin(pressure)
+        self.begin(pressure, drainage)
         return outcome

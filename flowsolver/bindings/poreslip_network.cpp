@@ -243,11 +243,14 @@ NB_MODULE(poreslip_network, m) {
       .def(nb::init<PoreNetwork&>(), nb::arg("network"), nb::keep_alive<1, 2>())
       .def(
           "begin",
-          [](PoreResponse& self, const std::string& law, In<double, nb::shape<-1>> pressure, In<double, nb::shape<-1>> stiffness) {
-            self.begin(law == "total" ? geometry::ForceLaw::total : geometry::ForceLaw::pressure, pressure.data(), stiffness.data());
+          [](PoreResponse& self, const std::string& law, In<double, nb::shape<-1>> pressure, In<double, nb::shape<-1>> drift,
+             In<double, nb::shape<-1>> stiffness) {
+            self.begin(law == "total" ? geometry::ForceLaw::total : geometry::ForceLaw::pressure, pressure.data(), drift.data(),
+                       stiffness.data());
           },
-          nb::arg("law"), nb::arg("pressure"), nb::arg("stiffness"),
-          "Start an interval: pressure (m,) Pa; stiffness (m,) Pa/m^3, 1 / (beta V) or 0 where the pressure stands.")
+          nb::arg("law"), nb::arg("pressure"), nb::arg("drift"), nb::arg("stiffness"),
+          "Start an interval: pressure (m,) Pa; drift (m,) Pa/s; stiffness (m,) Pa/m^3, 1 / (beta V) or 0. Pressures are then pressure + "
+          "time * drift - stiffness * swept.")
       .def("end", &PoreResponse::end, "End the interval (local).")
       .def(
           "step",

@@ -43,16 +43,16 @@ void add_cell_forces(const CellGradients& cells, const double* pressure, std::si
   for (std::size_t c = first; c < last; ++c) Cell(cells, c).push(pressure[c], force);
 }
 
-double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const double* start, const double* stiffness,
-              std::size_t first, std::size_t last, double* swept, Four* force) {
+double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const CellPressures& pressures, double time,
+              double dt, std::size_t first, std::size_t last, Four* force) {
   double work = 0.0;
   for (std::size_t c = first; c < last; ++c) {
     const Cell cell(cells, c);
-    const double gained = cell.gained(displacement) + (by_walls ? by_walls[c - first] : 0.0), all = swept[c] + gained;
-    const double after = start[c] - stiffness[c] * all;
-    swept[c] = all;
-    // The mean of after and after + stiffness * gained.
-    work += (after + 0.5 * stiffness[c] * gained) * gained;
+    const double gained = cell.gained(displacement) + (by_walls ? by_walls[c - first] : 0.0);
+    pressures.swept[c] += gained;
+    const double after = pressures.at(c, time);
+    const double rise = dt * pressures.drift[c] - pressures.stiffness[c] * gained;
+    work += (after - 0.5 * rise) * gained;
     cell.push(after, force);
   }
   return work;

@@ -48,9 +48,10 @@ void close(std::array<Four, 4>& gradient, const Mesh& mesh, std::size_t cell, co
 
 }  // namespace
 
-void PoreResponse::begin(ForceLaw law, const double* pressure, const double* stiffness) {
+void PoreResponse::begin(ForceLaw law, const double* pressure, const double* drift, const double* stiffness) {
   const std::size_t pores = network_.pores();
   start_.assign(pressure, pressure + pores);
+  drift_.assign(drift, drift + pores);
   stiffness_.assign(stiffness, stiffness + pores);
   swept_.assign(pores, 0.0);
   gained_.resize(pores);
@@ -173,13 +174,13 @@ void PoreResponse::sum_roofs(double* wall_force) const {
   std::fill_n(wall_force, wall_before_.size(), 0.0);
   const bool* const owned = network_.owned();
   for (const Roof& r : roof_)
-    if (owned[r.cell]) wall_force[r.entry] += pressure_of(r.cell) * r.area;
+    if (owned[r.cell]) wall_force[r.entry] += pressures().at(r.cell, elapsed_) * r.area;
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
 }
 
 std::vector<double> PoreResponse::pressure() const {
   std::vector<double> now(start_.size());
-  for (std::size_t c = 0; c < now.size(); ++c) now[c] = pressure_of(c);
+  for (std::size_t c = 0; c < now.size(); ++c) now[c] = pressures().at(c, elapsed_);
   return now;
 }
 
@@ -201,6 +202,7 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
   }
   spread(dt, velocity);
   std::fill(force_.begin(), force_.end(), Four{});
+  elapsed_ += dt;
   work_[1] += alone_ && push_.empty() ? answer_alone(dt, wall_velocity) : answer_shared(dt, wall_velocity);
 
   before_.assign(force, force + 3 * count);
@@ -223,7 +225,6 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
   MPI_Comm_rank(network_.communicator(), &rank);
   if (rank == 0) add_work(wall_before_.data(), wall_force, wall_velocity, wall_before_.size());
   std::copy_n(wall_force, wall_before_.size(), wall_before_.begin());
-  elapsed_ += dt;
 }
 
 // Where this rank knows all of every pore, and forces are the gradients of the volumes: one pass.
@@ -232,8 +233,8 @@ double PoreResponse::answer_alone(double dt, const double* wall_velocity) {
   // Cells without walls come first; those with walls also gain what the walls sweep.
   std::fill(gained_.begin() + inner, gained_.end(), 0.0);
   for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
-  const auto answer = [this](const double* by_walls, std::size_t first, std::size_t last) {
-    return geometry::answer(volume_, displacement_.data(), by_walls, start_.data(), stiffness_.data(), first, last, swept_.data(), force_.data());
+  const auto answer = [this, dt](const double* by_walls, std::size_t first, std::size_t last) {
+    return geometry::answer(volume_, displacement_.data(), by_walls, pressures(), elapsed_, dt, first, last, force_.data());
   };
   return answer(nullptr, 0, inner) + answer(gained_.data() + inner, inner, pores);
 }
@@ -247,7 +248,8 @@ double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
   double work = 0.0;
   for (std::size_t c = 0; c < gained_.size(); ++c) {
     swept_[c] += gained_[c];
-    if (network_.owned()[c]) work += (pressure_of(c) + 0.5 * stiffness_[c] * gained_[c]) * gained_[c];
+    const double rise = dt * drift_[c] - stiffness_[c] * gained_[c];
+    if (network_.owned()[c]) work += (pressures().at(c, elapsed_) - 0.5 * rise) * gained_[c];
   }
   push();
   return work;

@@ -19,9 +19,9 @@ class PoreResponse {
  public:
   explicit PoreResponse(PoreNetwork& network) : network_(network) {}
 
-  // Starts an interval in the network's present state. pressure (pores), Pa; stiffness (pores), Pa/m^3: 1 / (beta V) where a
-  // pressure answers as if no fluid passed any throat, 0 where it stands.
-  void begin(geometry::ForceLaw law, const double* pressure, const double* stiffness);
+  // Starts an interval in the network's present state. pressure (pores), Pa; drift (pores), Pa/s: at which pressures change whatever
+  // the grains do; stiffness (pores), Pa/m^3: 1 / (beta V) where a pressure answers the pore's volume, 0 where it does not.
+  void begin(geometry::ForceLaw law, const double* pressure, const double* drift, const double* stiffness);
 
   // Ends the interval: no step is made before the next begins.
   void end() { begun_ = false; }
@@ -59,7 +59,7 @@ class PoreResponse {
   void take_order(std::size_t count, const std::int32_t* id);
   void spread(double dt, const double* velocity);
   void collect(double* out) const;
-  double pressure_of(std::size_t pore) const { return start_[pore] - stiffness_[pore] * swept_[pore]; }
+  geometry::CellPressures pressures() const { return {start_.data(), drift_.data(), stiffness_.data(), swept_.data()}; }
   double answer_alone(double dt, const double* wall_velocity);
   double answer_shared(double dt, const double* wall_velocity);
   void push() const;
@@ -73,7 +73,8 @@ class PoreResponse {
   geometry::CellGradients volume_;
   std::vector<std::array<geometry::Four, 4>> push_;  // where forces are not the gradients of the volumes (2), else empty
   std::vector<Roof> roof_;
-  std::vector<double> start_, stiffness_, swept_, gained_;
+  std::vector<double> start_, drift_, stiffness_, gained_;
+  mutable std::vector<double> swept_;
   std::vector<geometry::Four> displacement_;
   mutable std::vector<geometry::Four> force_;
   std::vector<double> before_, wall_before_;     // forces before the step

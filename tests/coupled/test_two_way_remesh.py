@@ -24,7 +24,7 @@ def squeeze(poreslip, stage_cache, tmp_path):
     return run
 
 
-@pytest.mark.parametrize("split", ["undrained", "staggered"])
+@pytest.mark.parametrize("split", ["undrained", "predicted", "staggered"])
 def test_work_and_mass_close(squeeze, split):
     # Soft enough for either split.
     report = squeeze(f"flow.split={split}", "fluid.compressibility_per_Pa=1e-8").report
@@ -46,7 +46,7 @@ def test_same_on_any_number_of_ranks(squeeze, ranks):
 
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
 def test_goes_on_from_a_checkpoint(squeeze, poreslip, ranks):
-    result = squeeze(ranks=ranks)
+    result = squeeze("flow.split=predicted", ranks=ranks)
     before = result.history
     assert [path.name for path in result.directory.glob("checkpoint-*")] == ["checkpoint-000000000400"]
     done = poreslip("run", "--restart", result.directory, ranks=ranks, env={"PORESLIP_CACHE": "/dev/null"})
