@@ -130,13 +130,26 @@ def _loading(run: RunCase) -> Iterator[Problem]:
 def _flow(run: RunCase) -> Iterator[Problem]:
     if run.scene == "sample" and run.flow.kind == "prescribed":
         yield "flow.kind", 'the scene "sample" has no fault to prescribe a pressure by: set "solve", or "none" for a dry run'
-    if run.scene != "sample" and run.flow.kind == "solve":
-        yield "flow.kind", f'the flow is solved in the scene "sample" only, and this is "{run.scene}": set "prescribed" or "none"'
+    if run.flow.kind == "solve":
+        yield from _fluid(run)
     for face, pressure in run.fluid.faces.items():
         if face not in FACES:
             yield "fluid.faces", f"{face} is no face; allowed are {', '.join(FACES)}"
         elif not isinstance(pressure, int | float):
             yield "fluid.faces", f"the pressure of {face} is a number of Pa, not {toml_text(pressure)}"
+
+
+def _fluid(run: RunCase) -> Iterator[Problem]:
+    fluid = run.fluid
+    if fluid.compressibility_per_Pa == 0.0:
+        if run.flow.two_way and run.flow.split != "staggered":
+            yield "fluid.compressibility_per_Pa", f'must be above 0 with flow.split = "{run.flow.split}", in which the pores store what is squeezed; set "staggered"'
+        if run.scene == "sample" and not fluid.faces:
+            yield "fluid.compressibility_per_Pa", "must be above 0 in a sealed box; or hold a pressure at one of fluid.faces"
+    if run.has_fault and fluid.faces:
+        yield "fluid.faces", f'has no effect in the scene "{run.scene}", where [pressure] and fluid.held say what is held; leave it out'
+    if run.has_fault and fluid.initial_pressure_Pa:
+        yield "fluid.initial_pressure_Pa", f'has no effect in the scene "{run.scene}", which begins with the field of [pressure]; leave it out'
 
 
 def _sample(run: RunCase) -> Iterator[Problem]:

@@ -186,20 +186,24 @@ class Fluid:
 
     # Viscosity and compressibility: of water at 20 degrees Celsius.
     viscosity_Pa_s: float = allowed(1e-3, above=0.0, at_most=1e12)
-    compressibility_per_Pa: float = allowed(4.6e-10, above=0.0, at_most=1.0)
+    # A compressibility of 0 makes the flow steady at each solve.
+    compressibility_per_Pa: float = allowed(4.6e-10, at_least=0.0, at_most=1.0)
     # "duct": (6) of the paper; "hydraulic-radius": Chareyre et al. (2012).
     conductance: str = allowed("duct", choices=("duct", "hydraulic-radius"))
-    # Pressure in the pores when loading begins.
+    # Scene "sample": pressure in the pores when loading begins. A fault begins with the field of [pressure].
     initial_pressure_Pa: float = allowed(0.0, at_least=-1e12, at_most=1e12)
-    # Pressures held at faces, Pa: xmin, xmax, ymin, ymax, zmin, zmax. A face that is not named lets nothing through.
+    # Scene "sample": pressures held at faces, Pa: xmin, xmax, ymin, ymax, zmin, zmax. A face that is not named lets nothing through.
     faces: dict[str, float | int | str] = allowed({})
+    # A fault: where the field of [pressure] is held, "faces": at the blocks' outer faces, or "blocks": in all of the blocks, as the paper
+    # prescribes it. Everywhere else the fluid flows; y faces and the gouge's ends let nothing through.
+    held: str = allowed("faces", choices=("faces", "blocks"))
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """Pore pressure, prescribed: a function of position and horizontal strain."""
+    """Pore pressure as a function of position and horizontal strain: prescribed in all pores, or with a solved flow where `fluid.held` says."""
 
-    # "none": dry. "uniform": the same everywhere. "linear": one pressure in each block and linear across the gouge between
+    # "none": dry, or held at 0 with a solved flow. "uniform": the same everywhere. "linear": one pressure in each block and linear across the gouge between
     # them, as in the paper. "expression": given by `expression`.
     mode: str = allowed("linear", choices=("none", "uniform", "linear", "expression"))
     # Pressures reached in the left (lower) and right (upper) block at the end of the ramp; p_t = 2.5e7 in Table I.
@@ -231,11 +235,13 @@ class Flow:
     """How the pore pressure becomes forces on the grains."""
 
     # "none": no pore forces, and no mesh is built. "prescribed": the pressure of [pressure] acts on the grains, which do not act back.
-    # "solve": the [fluid] flows through the pores, and the grains act back on it (scene "sample").
+    # "solve": the [fluid] flows through the pores.
     kind: str = allowed("prescribed", choices=("none", "prescribed", "solve"))
+    # With "solve", whether the grains act back on the fluid by squeezing the pores: false solves for the flow through them alone.
+    two_way: bool = allowed(True)
     # "total": pressure on the grains' surfaces and drag in the throats, the exact gradient of sum p V. "pressure": (2) of the paper alone.
     forces: str = allowed("total", choices=("total", "pressure"))
-    # With "solve", what the pressures do between two solves: "undrained": they answer every step of the grains as if no fluid passed any
+    # Two-way, what the pressures do between two solves: "undrained": they answer every step of the grains as if no fluid passed any
     # throat; "predicted": so they do, and go on draining as in the interval before, which allows longer intervals; "staggered": they stand
     # still, which is stable only while the fluid is softer than the skeleton.
     split: str = allowed("undrained", choices=("undrained", "predicted", "staggered"))

@@ -76,7 +76,7 @@ class Run:
 
         output = None
         with raised_together(comm):
-            output = RunOutput(self.directory, comm, self._measures.columns, state["tables"] if state else None)
+            output = RunOutput(self.directory, comm, self._measures.columns(case), state["tables"] if state else None)
         output.json("case.json", case.to_dict())
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
@@ -87,9 +87,9 @@ class Run:
         saved = None
         with raised_together(comm):
             saved = checkpoint.flow_arrays(stage.restart)
-        flow = self._flow(engine, fault, walls, saved)
         measures = self._measures(case, fault, walls, state["reference"])
         measures.resume(state["previous"])
+        flow = self._flow(engine, fault, walls, measures, saved)
         snapshots = self._snapshots(state["step"] if restart else None)
         loading = Loading(case, engine, comm, flow, walls, measures, output, snapshots, self.phases, state)
         progress = Progress(case.name, shown=comm.rank == 0)
@@ -109,18 +109,26 @@ class Run:
         reference = self._measures.reference(engine, self.comm, fault, walls)
         return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}, "watch": None}
 
-    def _flow(self, engine, fault, walls, saved):
+    def _flow(self, engine, fault, walls, measures, saved):
         from coupling import exchange
 
-        if not self.case.needs_mesh:
+        case, comm = self.case, self.comm
+        if not case.needs_mesh:
             return exchange.Dry(engine, self.phases)
-        if self.case.flow.kind == "solve":
-            # The flow solver loads PETSc.
-            from coupling.two_way_flow import TwoWayFlow
+        if case.flow.kind == "prescribed":
+            return exchange.PrescribedFlow(case, engine, comm, walls, PrescribedPressure(case, fault), fault, self.phases)
+        # The flow solver loads PETSc.
+        from coupling import held_pressure
+        from coupling.one_way_flow import OneWayFlow
+        from coupling.two_way_flow import TwoWayFlow
 
-            return TwoWayFlow(self.case, engine, self.comm, walls, fault.lower, fault.upper, self.phases, saved)
-        pressure = PrescribedPressure(self.case, fault)
-        return exchange.PrescribedFlow(self.case, engine, self.comm, walls, pressure, fault.lower, fault.upper, self.phases)
+        def now() -> tuple[float, float, float]:
+            elapsed = engine.step * engine.time_step
+            return measures.progress(engine, elapsed), measures.strain(engine), elapsed
+
+        held = held_pressure.OfFault(case, comm, fault, PrescribedPressure(case, fault), now) if case.has_fault else held_pressure.OfSample(case)
+        flow = TwoWayFlow if case.flow.two_way else OneWayFlow
+        return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved)
 
     def _snapshots(self, resume_step: int | None):
         count, steps = self.case.output.snapshots, self.case.loading_steps

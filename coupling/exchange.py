@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from coupling.case_schema import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
+from coupling.fault_geometry import FaultGeometry
 from coupling.phases import Phases
 from coupling.pore_pressure import PrescribedPressure
+from coupling.pressure_measures import around_grains, beside_gouge
 from coupling.walls import SceneWalls
 
 
@@ -38,8 +43,8 @@ class Dry:
         with self._phases.timed("engine"):
             self._engine.run(steps, setup=False)
 
-    def figures(self, progress: float) -> dict[str, float]:
-        """What a line of the history holds of the fluid."""
+    def figures(self, progress: float, strain: float, time: float) -> dict[str, float]:
+        """What a line of the history holds of the fluid; collective."""
         return {"p_left_Pa": 0.0, "p_right_Pa": 0.0}
 
     @property
@@ -55,21 +60,47 @@ class Dry:
         """The flow's own counts and times."""
         return {}
 
+    def grain_pressure(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ids (n,) of grains, over all ranks each once, and the mean pressure around each (n,), Pa; none without a fluid."""
+        return np.zeros(0, np.int32), np.zeros(0)
 
-class PrescribedFlow(Dry):
+
+class StandingForces(Dry):
+    """A flow whose forces stand between updates."""
+
+    _worked, _at_update = 0.0, None
+
+    @property
+    def work_on_grains(self) -> float:
+        """Forces times displacements: summed over the ranks, for grains change rank in between."""
+        return self._worked + (self._force_times_position() - self._at_update if self._at_update is not None else 0.0)
+
+    @contextmanager
+    def _forces_change(self) -> Iterator[None]:
+        """A block in which the forces are set anew."""
+        self._worked = self.work_on_grains
+        yield
+        self._at_update = self._force_times_position()
+
+    def _force_times_position(self) -> float:
+        """Sum over this rank's grains, J."""
+        return float((self._engine.property_atom("pore_force") * self._engine.unwrapped_position()).sum())
+
+
+class PrescribedFlow(StandingForces):
     """One-way coupling: a prescribed pressure acts on the grains through the pore network's vector areas."""
 
-    def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, pressure: PrescribedPressure, lower, upper, phases: Phases):
+    def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, pressure: PrescribedPressure, fault: FaultGeometry, phases: Phases):
         # The network and its library are loaded only by a scene that has a pore pressure.
         from flowsolver.network import InputError, PoreNetwork
 
         super().__init__(engine, phases)
         self._refused = InputError
-        self._comm, self._walls, self._pressure = comm, walls, pressure
-        self._law = case.flow.forces
-        self._network = PoreNetwork(comm, np.array(lower), np.array(upper), np.array([False, False, walls.periodic_z]))
+        self._comm, self._walls, self._pressure, self._fault = comm, walls, pressure, fault
+        self._law, self._diameter = case.flow.forces, 2.0 * case.mean_radius_m
+        self._network = PoreNetwork(comm, np.array(fault.lower), np.array(fault.upper), np.array([False, False, walls.periodic_z]))
+        self._in_pores = np.zeros(0)
         self._rebuild = False
-        self._worked, self._at_update = 0.0, None
 
     def synchronise(self) -> None:
         """Build the mesh anew at the next update, as a run that starts from this point's checkpoint does."""
@@ -80,33 +111,23 @@ class PrescribedFlow(Dry):
         engine = self._engine
         with self._phases.timed("tessellation"):
             try:
+                self._id = engine.atom("id").copy()
                 self._network.update(
-                    engine.atom("id"), engine.atom("x"), engine.atom("radius"),
+                    self._id, engine.atom("x"), engine.atom("radius"),
                     wall_position=self._walls.positions(self._walls.states(engine)), group=engine.atom("type") - np.int32(1), rebuild=self._rebuild)
             except self._refused as error:
                 # The case was good when loading began: what is wrong now came about in the run.
                 raise ComputationError(f"no pore network can be made at step {engine.step}: {error}") from None
             self._rebuild = False
         with self._phases.timed("pressure"), raised_together(self._comm):
-            pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)
+            self._in_pores = self._pressure.at(self._network.pore_centre, progress, strain, time)
         with self._phases.timed("forces"):
-            force, wall_force = self._network.forces(pressure, self._law)
-            self._worked = self.work_on_grains
-            with self._phases.timed("exchange"):
+            force, wall_force = self._network.forces(self._in_pores, self._law)
+            with self._forces_change(), self._phases.timed("exchange"):
                 engine.property_atom("pore_force")[:] = force
                 self._walls.set_fluid_forces(engine, wall_force)
-            self._at_update = self._force_times_position()
             if self._law == "total":
                 self._measure_residual(force, wall_force)
-
-    @property
-    def work_on_grains(self) -> float:
-        """Forces, which stand between updates, times displacements: summed over the ranks, for grains change rank in between."""
-        return self._worked + (self._force_times_position() - self._at_update if self._at_update is not None else 0.0)
-
-    def _force_times_position(self) -> float:
-        """Sum over this rank's grains, J."""
-        return float((self._engine.property_atom("pore_force") * self._engine.unwrapped_position()).sum())
 
     def _measure_residual(self, force: np.ndarray, wall_force: np.ndarray) -> None:
         """Keep the largest resultant of the fluid's forces on all grains and walls, over the sum of their sizes: 0 but for rounding.
@@ -120,9 +141,14 @@ class PrescribedFlow(Dry):
             self.final["momentum_residual"] = float(np.linalg.norm(resultant) / size)
             self.momentum_residual = max(self.momentum_residual, self.final["momentum_residual"])
 
-    def figures(self, progress: float) -> dict[str, float]:
-        """Pressures of the left and the right block, Pa."""
+    def figures(self, progress: float, strain: float, time: float) -> dict[str, float]:
+        """Pressures of the left and the right block, Pa: those that the case ramps, and of a formula the means beside the gouge."""
         left, right = self._pressure.in_blocks(progress)
+        if not self._pressure.even_in_blocks:
+            pressure = np.zeros(0)
+            with raised_together(self._comm):
+                pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)
+            left, right = beside_gouge(self._network, pressure, self._fault, self._diameter)
         return {"p_left_Pa": left, "p_right_Pa": right}
 
     @property
@@ -133,3 +159,6 @@ class PrescribedFlow(Dry):
     def report(self) -> dict:
         """The network's own counts and times."""
         return self._network.report()
+
+    def grain_pressure(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._id, around_grains(self._network, self._in_pores, self._id)

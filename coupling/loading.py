@@ -96,11 +96,12 @@ class Loading:
     def _time(self) -> float:
         return self._engine.step * self._engine.time_step
 
-    def _progress_of_ramp(self) -> float:
-        return self._measures.progress(self._engine, self._time)
+    def _now(self) -> tuple[float, float, float]:
+        """How far the ramp of the pressures has gone, 0 to 1, strain, and time, s."""
+        return self._measures.progress(self._engine, self._time), self._measures.strain(self._engine), self._time
 
     def _exchange(self) -> None:
-        self._flow.update(self._progress_of_ramp(), self._measures.strain(self._engine), self._time)
+        self._flow.update(*self._now())
 
     def _measure(self) -> None:
         with self._phases.timed("measures"):
@@ -108,7 +109,7 @@ class Loading:
             rows = [row for part in self._comm.allgather(breaks) for row in part]
             for broken in rows:
                 self._broken[0 if int(broken[3]) == 1 else 1] += 1
-            figures = self._flow.figures(self._progress_of_ramp()) | {
+            figures = self._flow.figures(*self._now()) | {
                 "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._rebuilds}  # fmt: skip
             row = self._measures.row(self._engine, self._comm, self._time, figures)
         with self._phases.timed("output"), raised_together(self._comm):
@@ -123,7 +124,7 @@ class Loading:
     def _snapshot(self, last: bool = False) -> None:
         if self._engine.step in self._snapshots.steps or (last and self._snapshots.steps):
             with self._phases.timed("output"):
-                self._snapshots.write(self._engine, self._measures.strain(self._engine))
+                self._snapshots.write(self._engine, self._measures.strain(self._engine), self._flow.grain_pressure())
 
     def _checkpoint(self) -> None:
         with self._phases.timed("output"):

@@ -9,10 +9,8 @@ import numpy as np
 from coupling.case_schema import RunCase
 from coupling.engine.interface import Engine
 from coupling.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry
+from coupling.pressure_measures import BAND_DIAMETERS
 from coupling.walls import SceneWalls, wall_positions
-
-#: Width of the bands on either side of an interface whose mean displacements give its slip, in mean diameters.
-BAND_DIAMETERS = 1.5
 
 HISTORY_COLUMNS = (
     "step", "time_s", "strain", "vertical_strain", "sigma_h_left_Pa", "sigma_h_right_Pa", "sigma_v_Pa", "sigma_n_Pa",
@@ -21,6 +19,8 @@ HISTORY_COLUMNS = (
     "contact_force_mean_N", "contact_force_max_N", "unbalanced_force_ratio", "kinetic_energy_J", "mesh_rebuilds",
     "overlap_max_over_d", "inertial_number", "loading_rate", "contact_energy_J",
 )  # fmt: skip
+#: What a solved flow adds: over all pores, by their volumes; and the flow out of the box, net, m^3/s.
+FLOW_COLUMNS = ("pressure_mean_Pa", "pressure_min_Pa", "pressure_max_Pa", "outflow_m3_per_s")
 
 
 def inertial_number(rate_per_s: float, diameter_m: float, density_kg_m3: float, stress_Pa: float) -> float:
@@ -44,8 +44,6 @@ class Measures:
     A grain's reference position travels with it in the deck's `fix reference_position`; only sums cross the ranks.
     """
 
-    columns = HISTORY_COLUMNS
-
     def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
         self._case = case
         self._fault = fault
@@ -55,7 +53,7 @@ class Measures:
         self._previous: tuple[float, float] | None = None
 
     def row(self, engine: Engine, comm, time: float, figures: dict[str, float]) -> dict[str, float]:
-        """One line of the history, the same on all ranks; keys are HISTORY_COLUMNS. figures: those of the flow and of the bonds."""
+        """One line of the history, the same on all ranks; keys are `columns` of the case. figures: those of the flow and of the bonds."""
         row: dict[str, float] = {"step": engine.step, "time_s": time} | figures
         row |= self._stresses(engine)
         row |= self._grains(engine, comm)
@@ -66,7 +64,12 @@ class Measures:
         # The x walls of the scene "supplement" are driven by a stress.
         driven = ("x_left", "x_right") if self._case.scene == "two_sides" else ()
         row["loading_rate"] = loading_rate(engine, comm, driven)
-        return {name: row[name] for name in HISTORY_COLUMNS}
+        return {name: row[name] for name in self.columns(self._case)}
+
+    @staticmethod
+    def columns(case: RunCase) -> tuple[str, ...]:
+        """Names of what a line of the history holds."""
+        return HISTORY_COLUMNS + (FLOW_COLUMNS if case.flow.kind == "solve" else ())
 
     @staticmethod
     def reference(engine: Engine, comm, fault: FaultGeometry, walls: SceneWalls) -> dict[str, float]:

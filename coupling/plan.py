@@ -38,7 +38,9 @@ def plan(case_file: CaseFile, ranks: int) -> str:
 
 def _run_plan(run: RunCase) -> list[str]:
     bonds = "contact bonds in the blocks" if run.bonded else "no bonds"
-    pressure = f"{run.pressure.mode} pressure" if run.flow.kind == "prescribed" else f"two-way flow ({run.flow.split})"
+    pressure = f"{run.pressure.mode} pressure"
+    if run.flow.kind == "solve":
+        pressure = f"two-way flow ({run.flow.split})" if run.flow.two_way else "one-way flow"
     flow = f"{pressure}, {run.flow.forces} forces, every {run.flow.interval_steps} steps" if run.needs_mesh else "dry"
     return [
         f"  {run.name}: scene {run.scene}, about {run.estimated_grains} grains, {bonds}, {flow}",
@@ -51,7 +53,9 @@ def _loading_seconds(run: RunCase) -> float:
     if run.needs_mesh:
         seconds += run.loading_steps / run.flow.interval_steps * run.estimated_grains * UPDATE_S_PER_GRAIN
     if run.flow.kind == "solve":
-        seconds += run.loading_steps * run.estimated_grains * (RESPONSE_S_PER_GRAIN + SOLVE_S_PER_GRAIN / run.flow.interval_steps)
+        seconds += run.loading_steps / run.flow.interval_steps * run.estimated_grains * SOLVE_S_PER_GRAIN
+        if run.flow.two_way and run.flow.split != "staggered":
+            seconds += run.loading_steps * run.estimated_grains * RESPONSE_S_PER_GRAIN
     return seconds
 
 

@@ -22,7 +22,8 @@ class PrescribedPressure:
         if self._mode == "uniform":
             self._targets = (case.pressure.left_target_Pa,) * 2
         if self._mode == "none":
-            self._targets = (0.0, 0.0)
+            # With a solved flow: nothing but 0 is held.
+            self._mode, self._targets = "uniform", (0.0, 0.0)
         if self._mode == "expression":
             # Only a formula needs it.
             import numexpr
@@ -31,8 +32,13 @@ class PrescribedPressure:
             self._evaluate = numexpr.evaluate
             self._expression = case.pressure.expression
 
+    @property
+    def even_in_blocks(self) -> bool:
+        """Whether each block has one pressure, that of `in_blocks`."""
+        return self._mode != "expression"
+
     def in_blocks(self, progress: float) -> tuple[float, float]:
-        """Pressures of the left and the right block, Pa."""
+        """Ramped targets of the left and the right block, Pa."""
         left, right = self._targets
         return left * progress, right * progress
 

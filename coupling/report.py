@@ -83,7 +83,10 @@ def interpretations(case: RunCase) -> dict[str, object]:
     if case.needs_mesh:
         taken["contact_areas"] = "the pore pressure acts all round a grain, contact areas included"
     if case.flow.kind == "solve":
-        taken |= {"conductance": case.fluid.conductance, "perimeter": PERIMETERS[case.fluid.conductance], "split": case.flow.split}
+        taken |= {"conductance": case.fluid.conductance, "perimeter": PERIMETERS[case.fluid.conductance]}
+        taken |= {"coupling": "two-way", "split": case.flow.split} if case.flow.two_way else {"coupling": "one-way: the grains do not squeeze the fluid"}
+        if case.has_fault:
+            taken["pressure_held"] = f"in the {case.fluid.held}" if case.fluid.held == "blocks" else "at the blocks' outer faces"
     return taken
 
 

@@ -24,7 +24,6 @@ class SampleMeasures:
     """Measures of a sample, against its state when loading began. Strains are positive in compression; `sigma` is the total stress,
     the mean of both walls of a pair, and `contact_stress` the grains' part of it."""
 
-    columns = SAMPLE_COLUMNS
     #: Nothing is carried from one line to the next.
     previous = None
 
@@ -34,6 +33,11 @@ class SampleMeasures:
 
     def resume(self, previous: None) -> None:
         """Nothing is carried over from the line before a checkpoint."""
+
+    @staticmethod
+    def columns(case: RunCase) -> tuple[str, ...]:
+        """Names of what a line of the history holds."""
+        return SAMPLE_COLUMNS
 
     @staticmethod
     def reference(engine: Engine, comm, fault: FaultGeometry, walls: SceneWalls) -> dict[str, float]:

@@ -38,8 +38,11 @@ class Snapshots:
     def _index(self) -> Path:
         return self._directory / "index.csv"
 
-    def write(self, engine: Engine, strain: float) -> None:
-        """Write the grains and contacts of all ranks as they are now; collective."""
+    def write(self, engine: Engine, strain: float, pressure: tuple[np.ndarray, np.ndarray]) -> None:
+        """Write the grains and contacts of all ranks as they are now; collective.
+
+        pressure: ids (n,) of this rank's grains when the fluid was last asked, and the pressure around each (n,), Pa; none without a fluid.
+        """
         position = engine.atom("x").copy()
         grains = {
             "id": engine.atom("id").astype(np.int64),
@@ -50,13 +53,16 @@ class Snapshots:
             "pressure_force": engine.property_atom("pore_force").copy() if engine.has_property_atom("pore_force") else np.zeros_like(position),
         }
         contacts = engine.contacts()
-        parts = self._comm.gather((position, grains, contacts), root=0)
+        parts = self._comm.gather((position, grains, contacts, pressure), root=0)
         if parts is None:
             return
         position = np.concatenate([part[0] for part in parts])
         grains = {name: np.concatenate([part[1][name] for part in parts]) for name in grains}
         order = np.argsort(grains["id"])
         position, grains = position[order], {name: values[order] for name, values in grains.items()}
+        pressure_id, pressure = (np.concatenate([part[3][column] for part in parts]) for column in (0, 1))
+        if len(pressure):
+            grains["pressure"] = pressure[np.argsort(pressure_id)]
 
         def joined(name: str) -> np.ndarray:
             return np.concatenate([getattr(part[2], name) for part in parts])

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from flowsolver.flow import Boundary, FlowResult, PoreFlow
+from flowsolver.flow import FlowResult, PoreFlow
 from flowsolver.network import ComputationError as FlowFailed
 from flowsolver.network import InputError as FlowRefused
 from flowsolver.network import PoreNetwork
@@ -23,7 +23,9 @@ from coupling.case_schema import FACES, RunCase
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.exchange import Dry
+from coupling.held_pressure import HeldPressure
 from coupling.phases import Phases
+from coupling.pressure_measures import around_grains
 from coupling.walls import GROUPS, SceneWalls
 
 #: Names of flow.split as the flow solver has them.
@@ -32,28 +34,35 @@ SPLITS = {"undrained": "undrained", "predicted": "predicted", "staggered": "drai
 FIX = "two_way"
 #: Of the linear solver, relative: with it the balance of mass closes to 1e-10 of the throughput of an interval in which grains move.
 SOLVER_TOLERANCE = 1e-12
+STAGGERED_HINT = """
+  With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten flow.interval_steps"""
 
 
 class TwoWayFlow(Dry):
     """A fluid that is coupled both ways with the grains; methods are collective.
 
-    saved: arrays of `state` from a checkpoint, or none of them at the start.
+    held: the pressures that are given, and those at the start. saved: arrays of `state` from a checkpoint, or none of them at the start.
     """
 
-    def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, lower, upper, phases: Phases, saved: dict[str, np.ndarray]):
+    def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, held: HeldPressure, lower, upper, phases: Phases,
+                 saved: dict[str, np.ndarray]):  # fmt: skip
         super().__init__(engine, phases)
         self._comm, self._walls, self._fluid, self._saved = comm, walls, case.fluid, saved
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
         self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
-        self._network = PoreNetwork(comm, np.array(lower), np.array(upper))
+        self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z))
         self._network.remember_previous()
-        self._boundary = Boundary(pressure={face: float(pressure) for face, pressure in case.fluid.faces.items()})
+        self._held = held
         self._flow: PoreFlow | None = None
         self._pressure = self._drainage = np.zeros(0)
         self._coupling: TwoWayCoupling | None = None
-        engine.command(f"fix {FIX} all poreforce/two_way pore_force")
         self._result: FlowResult | None = None
+        self._hint = STAGGERED_HINT if self._split == "drained" else ""
         self._worst = {"momentum_residual": 0.0, "work_residual": 0.0, "mass_residual": 0.0, "remesh_mass_residual": 0.0}
+        self._prepare_engine()
+
+    def _prepare_engine(self) -> None:
+        self._engine.command(f"fix {FIX} all poreforce/two_way pore_force")
 
     # -- one interval ---------------------------------------------------------------------------------------------------
 
@@ -62,40 +71,42 @@ class TwoWayFlow(Dry):
         with self._failures_told():
             self._take_up()
             with self._phases.timed("forces"):
-                if self._coupling is None:
-                    self._couple()
-                else:
-                    self._coupling.begin(self._pressure, self._drainage)
-            self._set_forces()
+                self._begin()
+            with self._phases.timed("exchange"):
+                self._engine.property_atom("pore_force")[:] = self._force
+                self._walls.set_fluid_forces(self._engine, self._wall_force)
             self._walls_before = self._walls.states(self._engine)
             self._measure_momentum()
 
     def advance(self, steps: int) -> None:
         """Make steps of the engine, and let the fluid flow where an interval ends."""
-        before = self._coupling.seconds
-        super().advance(steps)
-        self._phases.shared("engine", {"forces": self._coupling.seconds - before})
+        self._make_steps(steps)
         if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
             with self._failures_told(), self._phases.timed("flow"):
                 self._exchange()
 
-    def _couple(self) -> None:
-        """Have the engine call the fluid in each of its steps."""
-        self._coupling = TwoWayCoupling(self._network, self._flow, self._boundary, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
-        self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
+    def _make_steps(self, steps: int) -> None:
+        before = self._coupling.seconds
+        super().advance(steps)
+        self._phases.shared("engine", {"forces": self._coupling.seconds - before})
+
+    def _begin(self) -> None:
+        """Begin an interval, in each of whose steps the engine calls the fluid, with the forces of the present pressures."""
+        if self._coupling is None:
+            held = self._held.boundary()
+            self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
+            self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
+        else:
+            self._coupling.begin(self._pressure, self._drainage)
+        self._force, self._wall_force = self._coupling.forces()
 
     def _exchange(self) -> None:
-        """End the interval: the balances of work and mass are drawn up, and the fluid flows."""
-        done, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
-        if size > 0.0 and self._law == "total":
-            self._keep_worst("work_residual", abs(done - by_fluid) / size)
-        if self._comm.rank == 0:
-            self.work_on_grains += done - self._walls.fluid_work(self._walls_before, self._walls.states(self._engine))
+        """End the interval: the fluid flows, and the balance of its mass is drawn up."""
         with self._phases.timed("solve"):
-            self._result = self._coupling.exchange()
+            self._result = self._solve()
         report = self._result.report
         self._phases.shared("solve", {"assembly": report["seconds"]["assemble"]})
-        self._pressure, self._drainage = self._result.pressure, self._coupling.drainage
+        self._pressure = self._result.pressure
         self._keep_worst("mass_residual", self._result.mass_residual)
         self.solver |= {
             "solves": self.solver.get("solves", 0) + 1,
@@ -104,13 +115,17 @@ class TwoWayFlow(Dry):
                for name in ("iterations", "residual", "limited_pores", "limited_throats", "isolated_pores")},
         }  # fmt: skip
 
-    def _set_forces(self) -> None:
-        """Set the forces of the present pressures on the engine's grains and walls."""
-        with self._phases.timed("forces"):
-            self._force, self._wall_force = self._coupling.forces()
-        with self._phases.timed("exchange"):
-            self._engine.property_atom("pore_force")[:] = self._force
-            self._walls.set_fluid_forces(self._engine, self._wall_force)
+    def _solve(self) -> FlowResult:
+        """The flow of an interval, after the balance of its work."""
+        done, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
+        if size > 0.0 and self._law == "total":
+            self._keep_worst("work_residual", abs(done - by_fluid) / size)
+        if self._comm.rank == 0:
+            self.work_on_grains += done - self._walls.fluid_work(self._walls_before, self._walls.states(self._engine))
+        self._coupling.boundary = self._held.boundary()
+        result = self._coupling.exchange()
+        self._drainage = self._coupling.drainage
+        return result
 
     # -- the mesh ---------------------------------------------------------------------------------------------------------
 
@@ -119,13 +134,14 @@ class TwoWayFlow(Dry):
         engine, network = self._engine, self._network
         pores_before = network.pores if self._flow else 0
         with self._phases.timed("tessellation"):
+            self._id = engine.atom("id").copy()
             outcome = network.update(
-                engine.atom("id"), engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
+                self._id, engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
                 group=engine.atom("type") - np.int32(1), rebuild=rebuild)
         with self._phases.timed("geometry"):
             if self._flow is None:
                 self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)
-                self._pressure = self._restored("pressure") if self._saved else np.full(network.pores, self._fluid.initial_pressure_Pa)
+                self._pressure = self._restored("pressure") if self._saved else self._held.initial(network.pore_centre)
                 self._drainage = self._restored("drainage") if self._saved else np.zeros(network.pores)
                 return
             if outcome != "kept":
@@ -194,8 +210,8 @@ class TwoWayFlow(Dry):
         """Balances of momentum; of work and mass over the worst interval; of mass in the worst change of mesh."""
         return dict(self._worst)
 
-    def figures(self, progress: float) -> dict[str, float]:
-        """Mean pressure over the pores' volumes, the extremes, Pa, and what left through each face in the last interval, m^3/s."""
+    def figures(self, progress: float, strain: float, time: float) -> dict[str, float]:
+        """Mean pressure over the pores' volumes, and the extremes, Pa; and what belongs to the scene."""
         from mpi4py import MPI
 
         owned = self._network.owned
@@ -203,9 +219,11 @@ class TwoWayFlow(Dry):
         held, void = self._comm.allreduce(np.array([volume @ pressure, volume.sum()]))
         lowest = self._comm.allreduce(float(pressure.min(initial=np.inf)), op=MPI.MIN)
         highest = self._comm.allreduce(float(pressure.max(initial=-np.inf)), op=MPI.MAX)
-        outflow = self._result.outflow if self._result else {}
         figures = {"pressure_mean_Pa": held / void, "pressure_min_Pa": lowest, "pressure_max_Pa": highest}
-        return figures | {f"outflow_{face}_m3_per_s": outflow.get(face, 0.0) for face in FACES}
+        return figures | self._held.figures(self._network, self._pressure, self._result.outflow if self._result else {})
+
+    def grain_pressure(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._id, around_grains(self._network, self._pressure, self._id)
 
     def report(self) -> dict:
         """Counts and times of network and solver; permeability along the driven axis where two opposite faces have pressures."""
@@ -213,20 +231,25 @@ class TwoWayFlow(Dry):
         if self._result:
             report["solver"] = dict(self._result.report)
             report["outflow_m3_per_s"] = dict(self._result.outflow)
-        given = self._boundary.pressure
+        if self._result:
+            report |= self._permeability()
+        return report
+
+    def _permeability(self) -> dict[str, float]:
+        """Along an axis whose two faces, and no others, are held at different pressures; collective."""
+        given = self._held.at_faces
         for axis in range(3):
             low, high = FACES[2 * axis : 2 * axis + 2]
-            if self._result and set(given) == {low, high} and given[low] != given[high]:
+            if set(given) == {low, high} and given[low] != given[high]:
                 position = self._walls.positions(self._walls.states(self._engine))
                 size = position[0, 1::2] - position[0, 0::2]
                 velocity = 0.5 * (self._result.outflow[high] - self._result.outflow[low]) / (size.prod() / size[axis])
                 permeability = self._fluid.viscosity_Pa_s * velocity * size[axis] / (given[low] - given[high])
                 void = self._comm.allreduce(float(self._network.pore_volume[self._network.owned].sum()))
                 storage = self._fluid.compressibility_per_Pa * void / size.prod()
-                report["permeability_m2"] = permeability
                 # t_p of the paper's Discussion: pressure diffuses through the box.
-                report["pressure_diffusion_time_s"] = size[axis] ** 2 * self._fluid.viscosity_Pa_s * storage / permeability
-        return report
+                return {"permeability_m2": permeability, "pressure_diffusion_time_s": size[axis] ** 2 * self._fluid.viscosity_Pa_s * storage / permeability}
+        return {}
 
     def _keep_worst(self, name: str, value: float) -> None:
         self.final[name] = float(value)
@@ -238,7 +261,4 @@ class TwoWayFlow(Dry):
         try:
             yield
         except (FlowRefused, FlowFailed) as error:
-            hint = "" if self._split != "drained" else (
-                '\n  With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten '
-                "flow.interval_steps")  # fmt: skip
-            raise ComputationError(f"the flow cannot be computed at step {self._engine.step}: {error}{hint}") from None
+            raise ComputationError(f"the flow cannot be computed at step {self._engine.step}: {error}{self._hint}") from None

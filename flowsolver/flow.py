@@ -35,19 +35,23 @@ class Boundary:
 
     pressure
         Face ("xmin" ... "zmax") to pressure in Pa, or to a function of pore centres (k, 3) in m that returns (k,) Pa: the pores
-        that touch that wall have this pressure.
+        that touch that wall have this pressure. Where the array that it returns is masked (numpy.ma) the wall lets nothing through.
     inflow
         Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
     points
         (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
     sources
         (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
+    inside
+        Function of pore centres (m, 3) in m that returns (m,) Pa: pores that have this pressure wherever they lie. Those where the array
+        is masked are free. Faces and points come first.
     """
 
     pressure: Mapping[str, PressureValue] = field(default_factory=dict)
     inflow: Mapping[str, PressureValue] = field(default_factory=dict)
     points: Sequence[tuple[float, float, float, float]] = ()
     sources: Sequence[tuple[float, float, float, float]] = ()
+    inside: Callable[[NDArray[np.float64]], ArrayLike] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,8 @@ class FlowResult:
     """One solve.
 
     pressure : (m,) float64, Pa, of all pores that this rank sees
-    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together
+    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together, "inside" for
+        the pores with a pressure given inside
     mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput; None for `explicit`
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
         substeps, and this rank's seconds {assemble, setup, solve}
@@ -227,14 +232,20 @@ class PoreFlow:
         start, source = before.copy(), np.zeros(m)
         vertices, centre = network.grains_of_pore, network.pore_centre
         for index, (face, value) in enumerate(boundary.pressure.items()):
-            touching = (vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0)
-            given = value(centre[touching]) if callable(value) else value
+            touching = np.flatnonzero((vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0))
+            given = np.ma.asarray(value(centre[touching]) if callable(value) else np.full(len(touching), value))
+            touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
             start[touching] = given
             owner[touching] = index
         for *point, value in boundary.points:
             holds = self._nearest(point, centre, vertices)
             start[holds] = value
             owner[holds] = len(boundary.pressure)
+        if boundary.inside is not None:
+            given = np.ma.asarray(boundary.inside(centre))
+            holds = ~np.ma.getmaskarray(given) & (owner < 0)
+            start[holds] = given.data[holds]
+            owner[holds] = len(boundary.pressure) + 1
         if not np.isfinite(start).all():
             faults.append("a given pressure is not a finite number")
         network.agree(faults)
@@ -266,12 +277,15 @@ class PoreFlow:
 
     def _outflow(self, boundary: Boundary, owner: NDArray[np.int_], supply: NDArray[np.float64]) -> dict[str, float]:
         """Flow out of the box, m^3/s, by face and over all ranks."""
-        names = [*boundary.pressure, *(["points"] if boundary.points else []), *boundary.inflow]
+        names = [*boundary.pressure, "points", "inside", *boundary.inflow]
         owned, centre = self.network.owned, self.network.pore_centre if boundary.inflow else None
         given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
         sums = np.array([*given, *(-self._through(face, value, centre)[owned].sum() for face, value in boundary.inflow.items())])
         self.network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
-        if boundary.sources:
-            outflow["points"] = outflow.get("points", 0.0) - float(sum(source[3] for source in boundary.sources))
+        outflow["points"] -= float(sum(source[3] for source in boundary.sources))
+        if not boundary.points and not boundary.sources:
+            del outflow["points"]
+        if boundary.inside is None:
+            del outflow["inside"]
         return outflow

@@ -141,7 +141,7 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   for (const std::int32_t c : free_) {
     net[0] += rows.right[c];
     net[1] += rows.terms[c];
-    const double scale = rows.terms[c] + rows.diagonal[c] * std::abs(conditions.pressure[c]);
+    const double scale = rows.terms[c] + rows.diagonal[c] * std::max(std::abs(conditions.pressure[c]), std::abs(reference));
     net[2] += scale * scale;
     if (rows.diagonal[c] > 0.0) continue;
     ++isolated;

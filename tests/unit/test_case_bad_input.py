@@ -36,7 +36,7 @@ BAD_FILES = {
     "variable that the deck has not": ("[pack.deck_variables]\ndrg = 1\n", ["pack.deck_variables", "in.pack", " drag,"]),
     "unknown engine": ('engine = "ligghts"\n', ['engine = "ligghts"', "did you mean liggghts?"]),
     "title that is no text": ("title = 3\n", ["title = 3", "text in quotes"]),
-    "flow solved in a fault": ('[flow]\nkind = "solve"\n', ['flow.kind = "solve"', 'set "prescribed" or "none"']),
+    "faces of a fault's flow": ('[flow]\nkind = "solve"\n[fluid]\nfaces = { xmin = 0.0 }\n', ["fluid.faces", "has no effect in the scene", "fluid.held"]),
     "diameters swapped": ("[pack]\ndiameter_m = [2.2e-3, 1.8e-3]\n", ["pack.diameter_m", "swap them"]),
     "box too small": ("[pack]\nbox_m = [0.08, 0.001, 0.05]\n", ["pack.box_m", "three of the largest grains"]),
     "more grains than can be numbered": ("[pack]\ndiameter_m = [1e-6, 1e-6]\n", ["pack.diameter_m", "grains"]),

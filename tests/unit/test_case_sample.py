@@ -54,9 +54,10 @@ def test_other_motions_are_refused(text: str) -> None:
         ("sample.walls={ z_top = 3.0 }", 'none of "fixed", "speed V"'),
         ("fluid.faces={ top = 0.0 }", "top is no face; allowed are xmin"),
         ('fluid.faces={ zmax = "open" }', "the pressure of zmax is a number"),
-        ("fluid.compressibility_per_Pa=0", "above 0"),
+        ("fluid.compressibility_per_Pa=0", 'must be above 0 with flow.split = "undrained"'),
+        ("fluid.compressibility_per_Pa=-1e-10", "at least 0"),
         ("fluid.viscosity_Pa_s=-1", "above 0"),
-        ('flow.split="drained"', '"undrained", "staggered"'),
+        ('flow.split="drained"', '"undrained", "predicted", "staggered"'),
         ("sample.loading_time_s=1e-9", "too few to follow the grains; lengthen it"),
         ("output.history_interval_steps=70", "multiple of flow.interval_steps"),
     ],
@@ -73,6 +74,29 @@ def test_a_ramp_that_does_not_end(tmp_path: Path) -> None:
     loaded(tmp_path, "sample.ramp_time_s=1")
 
 
-def test_a_fault_has_no_solved_flow(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match='the flow is solved in the scene "sample" only'):
-        load_case(CASES / "two_sides" / "quick.toml", ["flow.kind=solve"])
+def test_an_incompressible_fluid_needs_a_way_out(tmp_path: Path) -> None:
+    incompressible = ("fluid.compressibility_per_Pa=0", 'flow.split="staggered"')
+    with pytest.raises(InputError, match="must be above 0 in a sealed box"):
+        loaded(tmp_path, *incompressible)
+    loaded(tmp_path, *incompressible, "fluid.faces={ zmax = 0.0 }")
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("fluid.faces={ xmin = 0.0 }", "fluid.held say what is held"),
+        ("fluid.initial_pressure_Pa=1e5", "begins with the field of"),
+        ('fluid.held="gouge"', '"faces", "blocks"'),
+        ("fluid.compressibility_per_Pa=0", 'set "staggered"'),
+    ],
+)
+def test_bad_inputs_of_a_fault(override: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        load_case(CASES / "two_sides" / "quick.toml", ["flow.kind=solve", override])
+    assert told in str(refused.value)
+
+
+def test_a_fault_may_have_any_flow() -> None:
+    for case, one_way in ((case, one_way) for case in ("two_sides/quick", "supplement/supplement") for one_way in ("true", "false")):
+        runs = load_case(CASES / f"{case}.toml", ["flow.kind=solve", f"flow.two_way={one_way}"]).runs
+        assert all(run.needs_mesh for run in runs)

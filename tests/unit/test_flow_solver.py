@@ -206,6 +206,41 @@ def test_limiter_is_counted_and_leaves_no_pore_cut_off():
     assert np.isfinite(bare.pressure).all() and bare.outflow["xmax"] <= result.outflow["xmax"]
 
 
+def test_a_face_may_be_open_in_part(network):
+    """Where a face's function is masked the wall is closed: what is open there is what has the pressure."""
+    flow = PoreFlow(network, 1e-3)
+    whole = flow.steady(DRIVEN)
+    part = flow.steady(Boundary(pressure={"xmin": lambda c: np.ma.masked_array(np.full(len(c), 1e5), c[:, 2] >= 0.5), "xmax": 0.0}))
+    low = (network.grains_of_pore == -1).any(axis=1)
+    below = network.pore_centre[:, 2] < 0.5
+    assert np.all(part.pressure[low & below] == 1e5)
+    assert np.all(part.pressure[low & ~below] < 1e5)
+    assert 0.2 * whole.outflow["xmax"] < part.outflow["xmax"] < whole.outflow["xmax"]
+    assert part.mass_residual < 1e-10
+
+
+def test_pressures_given_inside(network):
+    """A known field given in one half: the other half solves for what a face at their border would do, and a face comes first."""
+    flow = PoreFlow(network, 1e-3)
+    centre = network.pore_centre
+    half = centre[:, 0] < 0.5
+    result = flow.steady(Boundary(pressure={"xmin": 3e5, "xmax": 0.0}, inside=lambda c: np.ma.masked_array(1e5 * c[:, 1], c[:, 0] >= 0.5)))
+    touching = (network.grains_of_pore == -1).any(axis=1)
+    np.testing.assert_array_equal(result.pressure[half & ~touching], 1e5 * centre[half & ~touching, 1])
+    assert np.all(result.pressure[touching] == 3e5)
+    assert set(result.outflow) == {"xmin", "xmax", "inside"}
+    assert sum(result.outflow.values()) == pytest.approx(0.0, abs=1e-9 * max(map(abs, result.outflow.values())))
+    assert 0.0 <= result.pressure[~half].min() and result.pressure[~half].max() <= 3e5
+
+
+def test_nothing_drives_the_flow_however_far_off_the_start_is(network):
+    """Equal pressures all round are the answer everywhere; the start says otherwise by far more than rounding."""
+    flow = PoreFlow(network, 1e-3)
+    for pressure in (1e7 / 3, 0.0):
+        result = flow.steady(Boundary(pressure={"xmin": pressure, "zmax": pressure}), 1e8 * np.random.default_rng(1).random(network.pores))
+        np.testing.assert_allclose(result.pressure, pressure, rtol=0, atol=1e-9 * 1e8)
+
+
 def test_pores_cut_off_from_every_pressure_keep_their_own(network):
     """A cluster of pores around one grain, all throats out of it shut."""
     flow = PoreFlow(network, 1e-3)
