@@ -9,17 +9,16 @@ Sliding contacts have no shear stiffness; bonds, and all other contacts, have. F
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from flowsolver.lanczos import largest_eigenvalue
 from numpy.typing import NDArray
 
 from coupling.engine.interface import Engine
 
 #: Of the shear limit from which a contact counts as sliding.
 SLIDING = 0.999
-LANCZOS_STEPS = 60
 
 Array = NDArray[np.float64]
 
@@ -72,7 +71,8 @@ def contacts_of(engine: Engine, walls: dict[str, tuple[int, int]], kn: float, ks
 
 def stable_time_step(contacts: Contacts) -> float:
     """The longest stable time step, s."""
-    stiffness = largest_eigenvalue(lambda q: _forces(contacts, q, contacts.normal_stiffness, contacts.shear_stiffness), contacts)
+    start = np.random.default_rng(1).normal(size=(len(contacts.mass), 6))
+    stiffness = largest_eigenvalue(lambda q: _forces(contacts, q, contacts.normal_stiffness, contacts.shear_stiffness), start)
     longest = 2.0 / math.sqrt(stiffness)
     if not contacts.normal_damping.any():
         return longest
@@ -80,28 +80,9 @@ def stable_time_step(contacts: Contacts) -> float:
     while longest - shortest > 1e-4 * longest:
         dt = 0.5 * (shortest + longest)
         normal = dt**2 * contacts.normal_stiffness + 2.0 * dt * contacts.normal_damping
-        value = largest_eigenvalue(lambda q: _forces(contacts, q, normal, dt**2 * contacts.shear_stiffness), contacts)
+        value = largest_eigenvalue(lambda q: _forces(contacts, q, normal, dt**2 * contacts.shear_stiffness), start)
         shortest, longest = (dt, longest) if value < 4.0 else (shortest, dt)
     return shortest
-
-
-def largest_eigenvalue(operator: Callable[[Array], Array], contacts: Contacts) -> float:
-    """Largest eigenvalue of a symmetric operator on (n, 6) arrays, by Lanczos' iteration."""
-    q = np.random.default_rng(1).normal(size=(len(contacts.mass), 6))
-    before, beta = np.zeros_like(q), 0.0
-    diagonal, beside = [], []
-    q /= np.linalg.norm(q)
-    for _ in range(min(LANCZOS_STEPS, q.size)):
-        y = operator(q) - beta * before
-        diagonal.append(float((q * y).sum()))
-        y -= diagonal[-1] * q
-        beta = float(np.linalg.norm(y))
-        if beta <= 1e-12 * abs(diagonal[0]):
-            break
-        beside.append(beta)
-        before, q = q, y / beta
-    beside = beside[: len(diagonal) - 1]
-    return float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1))[-1])
 
 
 def _forces(c: Contacts, q: Array, normal_stiffness: Array, shear_stiffness: Array) -> Array:
