@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from flowsolver.flow import FlowResult, PoreFlow
+from flowsolver.flow import Boundary, FlowResult, PoreFlow
 from flowsolver.network import ComputationError as FlowFailed
 from flowsolver.network import InputError as FlowRefused
 from flowsolver.network import PoreNetwork
@@ -26,6 +26,7 @@ from coupling.exchange import Dry
 from coupling.held_pressure import HeldPressure
 from coupling.phases import Phases
 from coupling.pressure_measures import around_grains
+from coupling.two_way_checks import check_undrained
 from coupling.walls import GROUPS, SceneWalls
 
 #: Names of flow.split as the flow solver has them.
@@ -47,7 +48,7 @@ class TwoWayFlow(Dry):
     def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, held: HeldPressure, lower, upper, phases: Phases,
                  saved: dict[str, np.ndarray]):  # fmt: skip
         super().__init__(engine, phases)
-        self._comm, self._walls, self._fluid, self._saved = comm, walls, case.fluid, saved
+        self._case, self._comm, self._walls, self._fluid, self._saved = case, comm, walls, case.fluid, saved
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
         self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
         self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z))
@@ -73,8 +74,7 @@ class TwoWayFlow(Dry):
             with self._phases.timed("forces"):
                 self._begin()
             with self._phases.timed("exchange"):
-                self._engine.property_atom("pore_force")[:] = self._force
-                self._walls.set_fluid_forces(self._engine, self._wall_force)
+                self._set_forces()
             self._walls_before = self._walls.states(self._engine)
             self._measure_momentum()
 
@@ -85,6 +85,17 @@ class TwoWayFlow(Dry):
             with self._failures_told(), self._phases.timed("flow"):
                 self._exchange()
 
+    def _set_forces(self) -> None:
+        """Hand the forces over to the engine. The coming step begins with them, not with those that the last one ended with: half a step of the
+        old ones would give back what the fluid lost in flowing, and drive the grains."""
+        pore_force = self._engine.property_atom("pore_force")
+        change = self._force - pore_force
+        if held := self._walls.held_bit(self._engine):
+            change[self._engine.atom("mask") & held != 0, 2] = 0.0
+        self._engine.atom("f")[:] += change
+        pore_force[:] = self._force
+        self._walls.set_fluid_forces(self._engine, self._wall_force)
+
     def _make_steps(self, steps: int) -> None:
         before = self._coupling.seconds
         super().advance(steps)
@@ -94,11 +105,16 @@ class TwoWayFlow(Dry):
         """Begin an interval, in each of whose steps the engine calls the fluid, with the forces of the present pressures."""
         if self._coupling is None:
             held = self._held.boundary()
+            if self._split != "drained" and not self._saved:
+                self._refuse_unstable(held)
             self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
             self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
         else:
             self._coupling.begin(self._pressure, self._drainage)
         self._force, self._wall_force = self._coupling.forces()
+
+    def _refuse_unstable(self, held: Boundary) -> None:
+        check_undrained(self._case, self._engine.atom("rmass"), self._network, self._flow, held, self._walls.states(self._engine))
 
     def _exchange(self) -> None:
         """End the interval: the fluid flows, and the balance of its mass is drawn up."""

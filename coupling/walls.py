@@ -101,7 +101,7 @@ class SceneWalls:
 
     def held_bit(self, engine: Engine) -> int:
         """Bit of the grains whose motion is held in a direction, and whose forces therefore do not balance."""
-        return 0 if self.periodic_z else engine.group_bit("gouge_ends")
+        return engine.group_bit("gouge_ends") if self.plates is TWO_SIDES else 0
 
 
 def wall_positions(engine: Engine, names) -> dict[str, float]:

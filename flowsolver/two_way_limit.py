@@ -37,3 +37,17 @@ def undrained_time_step(network: PoreNetwork, flow: PoreFlow, boundary: Boundary
     start = np.random.default_rng(network.comm.rank).normal(size=(len(masses), 3))
     eigenvalue = largest_eigenvalue(pushed_back, start, network.comm, ITERATIONS)
     return 2.0 / math.sqrt(eigenvalue) if eigenvalue > 0.0 else math.inf
+
+
+def undrained_wall_stiffness(network: PoreNetwork, flow: PoreFlow, boundary: Boundary) -> np.ndarray:
+    """(6,) N/m: force of the fluid behind each wall, all groups of grains together, per unit of its way while no pore drains. Collective."""
+    stiffness = np.divide(1.0, flow.storage, out=np.zeros(network.pores), where=~flow.given(boundary) & (flow.storage > 0.0))
+    result = np.zeros(6)
+    for face in range(6):
+        if network.periodic[face // 2]:
+            continue
+        inwards = np.zeros((network.native.groups, 6))
+        inwards[:, face] = -1.0
+        swept = network.volume_rate(np.zeros((network.native.grains, 3)), inwards)
+        result[face] = network.forces(-swept * stiffness)[1][:, face].sum()
+    return result
