@@ -118,10 +118,10 @@ def error_of(observed: Observed, expected: Observed, relative: bool) -> float:
 
 
 def gathered(rows: Sequence[Row]) -> list[Point]:
-    """Rows as points: those with the same options are one, in the order in which they come first."""
-    found: dict[tuple[tuple[str, str], ...], list[Row]] = {}
+    """Rows as points: those with the same options are one, in the order in which they come first; references stand by themselves."""
+    found: dict[tuple, list[Row]] = {}
     for row in rows:
-        found.setdefault(tuple((key, str(value)) for key, value in row.options.items()), []).append(row)
+        found.setdefault((row.is_reference, *((key, str(value)) for key, value in row.options.items())), []).append(row)
     return [Point(rows[0].options, tuple(rows)) for rows in found.values()]
 
 

@@ -188,13 +188,26 @@ class Layer:
         return np.mean([of_sudden_load(time - start) for start in rise], axis=0)
 
 
-def pressures(files: ResultFiles, file: str = "pores.vtu") -> Observed:
-    """Pressures of all pores at the end of poreflow, Pa, by the pore's number; written with --vtu."""
+def pores(files: ResultFiles, file: str) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (m, 3) m and pressures (m,) Pa of all pores at the end of poreflow, as --vtu wrote them."""
     import meshio
 
     if not (files.directory / file).is_file():
         raise NotObserved(f"there is no {file}: give poreflow --vtu {file}")
-    return Observed(np.asarray(meshio.read(files.directory / file).point_data["pressure"], float))
+    mesh = meshio.read(files.directory / file)
+    return np.asarray(mesh.points, float), np.asarray(mesh.point_data["pressure"], float)
+
+
+def pressures(files: ResultFiles, file: str = "pores.vtu") -> Observed:
+    """Pressures of all pores at the end of poreflow, Pa."""
+    return Observed(pores(files, file)[1])
+
+
+def amplitude(files: ResultFiles, wave_length_m: float, file: str = "pores.vtu") -> Observed:
+    """How much of a wave cos(2 pi z / wave length) the pressures hold at the end of poreflow, Pa."""
+    centre, pressure = pores(files, file)
+    wave = np.cos(2.0 * np.pi * centre[:, 2] / wave_length_m)
+    return Observed.number(pressure @ wave / (wave @ wave))
 
 
 #: Name of an observable in a study to its function; "history" and "report" take arguments of their own.
@@ -207,4 +220,5 @@ OBSERVABLES: dict[str, Callable[..., Observed]] = {
     "block_stiffness": block_stiffness,
     "consolidation": consolidation,
     "pressures": pressures,
+    "amplitude": amplitude,
 }

@@ -44,20 +44,17 @@ def kozeny_carman(files: ResultFiles, observed: Observed, diameter_m: float) -> 
 
 
 def fourier(
-    files: ResultFiles, observed: Observed, length_m: float, amplitude_Pa: float, viscosity_Pa_s: float, compressibility_per_Pa: float, file: str = "pores.vtu"
+    files: ResultFiles, observed: Observed, wave_length_m: float, viscosity_Pa_s: float, compressibility_per_Pa: float, amplitude_Pa: float = 1.0
 ) -> np.ndarray:
-    """Decay of a wave of pressure along z in a sealed box, p0 cos(pi z / L) exp(-t / tau), at the places of the pores, Pa.
+    """Amplitude of a decaying wave of pressure, Pa: exp(-t / tau), tau = porosity compressibility viscosity (wave length / 2 pi)^2 / k.
 
-    tau = L^2 porosity compressibility viscosity / (pi^2 k), with permeability and porosity from [companion.darcy]; t is the setting's --dt
-    times its --steps.
+    Permeability k and porosity are those of [companion.steady]; t is the setting's --dt times its --steps.
     """
-    import meshio
-
-    found = report(files.companion("darcy"))
-    tau = length_m**2 * found["porosity"] * compressibility_per_Pa * viscosity_Pa_s / (np.pi**2 * found["permeability"])
+    found = report(files.companion("steady"))
+    storage = found["porosity"] * compressibility_per_Pa
+    tau = storage * viscosity_Pa_s * (wave_length_m / (2.0 * np.pi)) ** 2 / found["permeability"]
     time = float(files.setting["--dt"]) * float(files.setting.get("--steps", 1))
-    z = np.asarray(meshio.read(files.directory / file).points, float)[:, 2]
-    return amplitude_Pa * np.cos(np.pi * z / length_m) * np.exp(-time / tau)
+    return np.array([amplitude_Pa * np.exp(-time / tau)])
 
 
 #: Name of an analytic reference to its function: files, what was observed, arguments -> values like the observed ones.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,69 +20,96 @@ LOOKS = (
 )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A place in the right panel: a point, or a row where it stands over what settings are spread over."""
+
+    option: Any
+    error: float
+    stable: bool
+    best: bool = False
+
+
 def draw(points: Sequence[Point], best: Point | None, tolerance: float, title: str, error_label: str, labels: dict[str, str],
          directory: Path, stem: str, dpi: int = 200) -> Picture:  # fmt: skip
-    """Write <stem>.png. labels: parameter to its name in the figure."""
-    shown = [point for point in points if point.counts and point.error > 0.0]
-    first, *others = points[0].options
+    """Write <stem>.png. labels: parameter to its name in the figure, in the order of the study; the first is the right panel's abscissa."""
+    first = next(iter(labels))
+    across = first in points[0].options
+    others = [key for key in points[0].options if key != first]
     series: dict[str, list[Point]] = {}
     for point in points:
-        series.setdefault(", ".join(short(point.options[key]) for key in others), []).append(point)
-    numeric = all(isinstance(point.options[first], int | float) and not isinstance(point.options[first], bool) for point in points)
+        if not any(row.is_reference for row in point.rows):
+            series.setdefault(", ".join(short(point.options[key]) for key in others), []).append(point)
+    marks = {name: _marks(line, first, across, best) for name, line in series.items()}
+    options = list(dict.fromkeys(mark.option for line in marks.values() for mark in line))
+    numeric = all(number(option) is not None for option in options)
     with print_style():
         figure, (work, sweep) = plt.subplots(1, 2, figsize=(PAGE, 3.2), sharey=True, layout="constrained")
         for (name, line), (colour, marker, dash) in zip(series.items(), LOOKS * (1 + len(series) // len(LOOKS))):
-            good = [point for point in line if point in shown]
-            for axes, places in ((work, [point.cpu_s for point in good]), (sweep, [_place(point, first, points, numeric) for point in good])):
-                axes.plot(places, [point.error for point in good], color=colour, linestyle=dash, marker=marker, markersize=4.5, linewidth=1.0,
-                          label=name or None)  # fmt: skip
-                for place, point in zip(places, good):
-                    if len(point.rows) > 1:
-                        axes.plot([place] * len(point.rows), [row.error for row in point.rows], color=colour, marker="_", linestyle="", markersize=5)
-        if numeric:
+            look = {"color": colour, "marker": marker, "markersize": 4.5, "linewidth": 1.0}
+            shown = [point for point in line if point.counts and point.error > 0.0]
+            work.plot([point.cpu_s for point in shown], [point.error for point in shown], linestyle=dash if across else "", label=name or None, **look)
+            good = [mark for mark in marks[name] if mark.stable and mark.error > 0.0]
+            sweep.plot([_place(mark.option, options, numeric) for mark in good], [mark.error for mark in good], linestyle=dash, **look)
             for point in shown:
-                work.annotate(short(point.options[first]), (point.cpu_s, point.error), xytext=(4, 3), textcoords="offset points", fontsize=6, color="0.3")
-        _scales(work, sweep, shown, points, first, numeric)
-        _front(work, shown)
-        low, high = work.get_ylim()
-        _failures(sweep, points, first, numeric, high)
-        if low < tolerance < high:
-            for axes in (work, sweep):
-                axes.axhline(tolerance, color="0.5", linewidth=0.8, linestyle=(0, (2, 2)))
-            work.text(0.985, tolerance, "tolerance", transform=work.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
+                errors = [row.error for row in point.rows if len(point.rows) > 1]
+                for axes, place in [(work, point.cpu_s)] + ([(sweep, _place(point.options[first], options, numeric))] if across else []):
+                    axes.plot([place] * len(errors), errors, color=colour, marker="_", linestyle="", markersize=5)
+                if across and numeric:
+                    work.annotate(short(point.options[first]), (point.cpu_s, point.error), xytext=(4, 3), textcoords="offset points", fontsize=6, color="0.3")
+        _scales(work, sweep, [point for line in series.values() for point in line if point.counts], options, numeric)
+        _front(work, [point for line in series.values() for point in line if point.error > 0.0])
+        _tolerance(work, sweep, tolerance)
+        _failures(sweep, [_place(mark.option, options, numeric) for line in marks.values() for mark in line if not mark.stable])
+        ring = {"marker": "o", "markersize": 11, "markerfacecolor": "none", "markeredgecolor": "black", "markeredgewidth": 1.2, "linestyle": ""}
         if best is not None and best.error > 0.0:
-            work.plot(best.cpu_s, best.error, "o", markersize=11, markerfacecolor="none", markeredgecolor="black", markeredgewidth=1.2)
-            sweep.plot(_place(best, first, points, numeric), best.error, "o", markersize=11, markerfacecolor="none", markeredgecolor="black",
-                       markeredgewidth=1.2)  # fmt: skip
+            work.plot(best.cpu_s, best.error, **ring)
+        for mark in (mark for line in marks.values() for mark in line if mark.best and mark.error > 0.0):
+            sweep.plot(_place(mark.option, options, numeric), mark.error, **ring)
         work.set(xlabel="CPU time, s", ylabel=error_label)
-        sweep.set(xlabel=labels.get(first, first))
-        _legend(figure, work, best, others, labels)
+        sweep.set(xlabel=labels[first])
+        _legend(figure, work, best, others, labels, ring)
         work.set_title(title, loc="left", fontsize=8.5)
         return save(figure, directory, stem, title, dpi, False)
 
 
-def _place(point: Point, first: str, points: Sequence[Point], numeric: bool) -> Any:
-    """Where a value of the first parameter stands: at itself, or evenly in the order of the study."""
-    if numeric:
-        return point.options[first]
-    return list(dict.fromkeys(str(one.options[first]) for one in points)).index(str(point.options[first]))
+def _marks(line: Sequence[Point], first: str, across: bool, best: Point | None) -> list[Mark]:
+    if across:
+        return [Mark(point.options[first], point.error, point.stable, point is best) for point in line]
+    return [Mark(row.spread[first], row.error, row.stable) for point in line for row in point.rows]
 
 
-def _scales(work, sweep, shown: Sequence[Point], points: Sequence[Point], first: str, numeric: bool) -> None:
-    if shown:
+def number(value: Any) -> float | None:
+    """A parameter's value as a number, also where it is the label of a choice; None where it is none."""
+    if isinstance(value, bool | list | dict):
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        return None
+
+
+def _place(option: Any, options: Sequence[Any], numeric: bool) -> float:
+    """Where an option stands: at its own number, or evenly in the order of the study."""
+    return number(option) if numeric else options.index(option)
+
+
+def _scales(work, sweep, shown: Sequence[Point], options: Sequence[Any], numeric: bool) -> None:
+    errors = [row.error for point in shown for row in point.rows if row.error > 0.0]
+    if errors:
         work.set_yscale("log")
-        _limits(work.set_ylim, [row.error for point in shown for row in point.rows if row.error > 0.0], 1.8)
+        _limits(work.set_ylim, errors, 1.8)
         work.set_xscale("log")
         _limits(work.set_xlim, [point.cpu_s for point in shown], 1.3)
-    if numeric and all(point.options[first] > 0 for point in points):
+    if numeric and all(number(option) > 0 for option in options):
         sweep.set_xscale("log")
-        values = sorted({point.options[first] for point in points})
-        if len(values) <= 8 and values[-1] < 1e4 * values[0]:
+        values = sorted(number(option) for option in options)
+        if len(values) <= 9 and values[-1] <= 1e3 * values[0]:
             sweep.set_xticks(values, [short(value) for value in values])
             sweep.xaxis.set_minor_locator(ticker.NullLocator())
     elif not numeric:
-        names = list(dict.fromkeys(short(point.options[first]) for point in points))
-        sweep.set_xticks(range(len(names)), names, rotation=20 if max(map(len, names)) > 8 else 0)
+        names = [short(option) for option in options]
+        sweep.set_xticks(range(len(names)), names, rotation=20 if max(map(len, names)) > 10 else 0)
         sweep.margins(x=0.15)
     for axis in (work.xaxis, work.yaxis):
         lowest, highest = axis.get_view_interval()
@@ -107,22 +135,28 @@ def _front(work, shown: Sequence[Point]) -> None:
     work.plot(times, errors, color="0.8", linewidth=5, zorder=0.5, drawstyle="steps-post", solid_joinstyle="miter", label="Pareto front")
 
 
-def _failures(sweep, points: Sequence[Point], first: str, numeric: bool, high: float) -> None:
+def _tolerance(work, sweep, tolerance: float) -> None:
+    low, high = work.get_ylim()
+    if low < tolerance < high:
+        for axes in (work, sweep):
+            axes.axhline(tolerance, color="0.5", linewidth=0.8, linestyle=(0, (2, 2)))
+        work.text(0.985, tolerance, "tolerance", transform=work.get_yaxis_transform(), ha="right", va="bottom", fontsize=7, color="0.35")
+
+
+def _failures(sweep, places: Sequence[float]) -> None:
     """Settings that were refused or broke down, at the top."""
-    failed = [point for point in points if not point.stable]
-    if failed:
-        places = [_place(point, first, points, numeric) for point in failed]
-        sweep.plot(places, [high] * len(places), "x", color="#D55E00", markersize=7, markeredgewidth=1.6, clip_on=False, zorder=5)
-        sweep.annotate("x: refused or not stable", (0.985, 0.955), xycoords="axes fraction", ha="right", va="top", fontsize=7, color="#D55E00")
+    if places:
+        sweep.plot(places, [sweep.get_ylim()[1]] * len(places), "x", color="#D55E00", markersize=7, markeredgewidth=1.6, clip_on=False, zorder=5)
+        sweep.set_title("x  refused or not stable", loc="right", fontsize=7, color="#D55E00")
 
 
-def _legend(figure, work, best: Point | None, others: Sequence[str], labels: dict[str, str]) -> None:
+def _legend(figure, work, best: Point | None, others: Sequence[str], labels: dict[str, str], ring: dict[str, Any]) -> None:
     handles, names = work.get_legend_handles_labels()
     if best is not None:
-        handles.append(plt.Line2D([], [], marker="o", markersize=9, markerfacecolor="none", markeredgecolor="black", linestyle=""))
+        handles.append(plt.Line2D([], [], **(ring | {"markersize": 9})))
         names.append("recommended: " + ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best.options.items()))
-    figure.legend(handles, names, loc="outside lower center", ncols=min(4, max(1, len(names))), fontsize=7, title=", ".join(labels.get(key, key) for key in others) or None,
-                  title_fontsize=7)  # fmt: skip
+    figure.legend(handles, names, loc="outside lower center", ncols=min(4, max(1, len(names))), fontsize=7,
+                  title=", ".join(labels.get(key, key) for key in others) or None, title_fontsize=7)  # fmt: skip
 
 
 def error_text(error: float) -> str:

@@ -93,7 +93,7 @@ class Work:
         outcomes = {name: self._runner.carry_out(job) for name, job in setting.jobs.items()}
         run = outcomes["run"]
         companions = {name: outcome.directory for name, outcome in outcomes.items() if name != "run"}
-        files = ResultFiles(run.directory, companions, setting.inputs)
+        files = ResultFiles(run.directory, companions, setting.inputs | setting.options)
         spent = cost(files, run.wall_s, run.cpu_s)
         value = error = math.nan
         stable, reason = run.done, run.reason
@@ -137,7 +137,7 @@ class Work:
         if digest not in self._expected:
             outcomes = {name: self._runner.carry_out(job) for name, job in run.jobs.items()}
             self._expected[digest] = self._observed(ResultFiles(
-                outcomes["run"].directory, {name: one.directory for name, one in outcomes.items() if name != "run"}, run.inputs))  # fmt: skip
+                outcomes["run"].directory, {name: one.directory for name, one in outcomes.items() if name != "run"}, run.inputs | run.options))  # fmt: skip
         return self._expected[digest]
 
     def _tell(self, setting: Setting, row: Row) -> None:

@@ -20,8 +20,10 @@ from coupling.case_schema import SECTIONS, RunCase
 from coupling.errors import InputError
 from coupling.study.schema import Command, Study
 
-#: Results of one run lie here in its directory, whatever the run is called.
+#: Report of poreflow in the directory of its run.
 POREFLOW_REPORT = "out.json"
+#: Key of a parameter that stands for the pack itself, where the command is poreflow.
+PACK = "pack"
 
 
 @dataclass(frozen=True)
@@ -119,11 +121,13 @@ class Plan:
         return Job((*arguments, "--out", "."), results, _digest(content), command.ranks, refused)
 
     def _poreflow_job(self, command: Command, inputs: dict[str, Any]) -> Job:
-        file, *rest = shlex.split(command.poreflow)
-        pack = self._study.directory / file
-        options = [*rest]
+        file, *options = shlex.split(command.poreflow)
+        pack = self._study.directory / str(inputs.get(PACK, file))
+        if not pack.is_file():
+            raise InputError(f"there is no pack {pack}, which the study names; its path is relative to the study file.")
         for key, value in inputs.items():
-            options += _option(key, value)
+            if key != PACK:
+                options += _option(key, value)
         options += ["--json", POREFLOW_REPORT]
         content = {"version": __version__, "pack": hashlib.sha256(pack.read_bytes()).hexdigest(), "options": options, "ranks": command.ranks}
         return Job(("-m", "flowsolver", str(pack), *options), ".", _digest(content), command.ranks)
@@ -136,7 +140,7 @@ class Plan:
             reach = [one for one in study.parameters if command.parameters is None or one.key in command.parameters]
             keys = [key for one in reach for option in one.options for key in one.inputs(option)]
             extra = [key for key in study.reference.settings if key not in {one.key for one in study.parameters}]
-            known = self._case_keys() if command.case else self._options_of_poreflow()
+            known = self._case_keys() if command.case else (PACK, *self._options_of_poreflow())
             for key in [*command.set, *keys, *extra]:
                 if key not in known:
                     match = difflib.get_close_matches(key, known, n=1, cutoff=0.6)

@@ -48,7 +48,7 @@ class Command:
 class Parameter:
     """One thing that is varied: a key of the case (or an option of poreflow) with values, or a name with choices."""
 
-    # "section.key" of a case, "--option" of poreflow; with `choices` any name.
+    # "section.key" of a case; "--option" of poreflow, or "pack" for another pack; with `choices` any name.
     key: str
     # Values of the key. For an option: true gives it without a value, false leaves it out, a list of numbers gives them all.
     values: tuple[Any, ...] = ()
