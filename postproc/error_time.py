@@ -140,6 +140,14 @@ def recommended(points: Sequence[Point], tolerance: float) -> Point | None:
     return min(within, key=lambda point: (point.cpu_s, point.error), default=None)
 
 
+def recommended_for_each(points: Sequence[Point], given: Sequence[str], tolerance: float) -> list[Point]:
+    """What is recommended for each combination of the parameters that are given, where anything is."""
+    kinds: dict[tuple[str, ...], list[Point]] = {}
+    for point in points:
+        kinds.setdefault(tuple(str(point.options.get(key)) for key in given), []).append(point)
+    return [best for kind in kinds.values() if (best := recommended(kind, tolerance))]
+
+
 def order_of(size: Sequence[float], error: Sequence[float]) -> float:
     """Order of convergence: slope of log error over log size, by least squares."""
     return float(np.polyfit(np.log(np.asarray(size, float)), np.log(np.asarray(error, float)), 1)[0])

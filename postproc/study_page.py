@@ -9,25 +9,27 @@ from postproc.error_time import Point, short
 from postproc.work_precision import error_text
 
 
-def page(title: str, about: str, command: str, points: Sequence[Point], best: Point | None, tolerance: float, error_label: str, picture: str) -> str:
+def page(title: str, about: str, command: str, points: Sequence[Point], best: Sequence[Point], tolerance: float, error_label: str, picture: str) -> str:
     """Markdown."""
     lines = [f"# {title}", "", f"    {command}", ""]
     if about:
         lines += [about.strip(), ""]
-    lines += [f"![{title}]({picture})", "", verdict(points, best, tolerance), "", *table(points, error_label)]
+    lines += [f"![{title}]({picture})", "", *verdict(points, best, tolerance), "", *table(points, error_label)]
     return "\n".join(lines) + "\n"
 
 
-def verdict(points: Sequence[Point], best: Point | None, tolerance: float) -> str:
-    """The recommended setting in a sentence."""
-    if best is not None:
-        return (f"**Recommended, the cheapest within {tolerance:g}: {best}** "
-                f"(error {best.error:.2g}, {best.cpu_s:.3g} CPU s).")  # fmt: skip
+def verdict(points: Sequence[Point], best: Sequence[Point], tolerance: float) -> list[str]:
+    """The recommended setting in a sentence; a list of them where some parameter is given."""
+    said = [f"{one} (error {one.error:.2g}, {one.cpu_s:.3g} CPU s)" for one in best]
+    if len(said) == 1:
+        return [f"**Recommended, the cheapest within {tolerance:g}:** {said[0]}."]
+    if said:
+        return [f"**Recommended, the cheapest within {tolerance:g}, for each:**", "", *(f"- {one}" for one in said)]
     counting = [point for point in points if point.counts]
     if not counting:
-        return f"No setting has an error to judge by, so none is recommended for {tolerance:g}."
+        return [f"No setting has an error to judge by, so none is recommended for {tolerance:g}."]
     nearest = min(counting, key=lambda point: point.error)
-    return f"No setting is within {tolerance:g}; the nearest is {nearest} with an error of {nearest.error:.2g}."
+    return [f"No setting is within {tolerance:g}; the nearest is {nearest} with an error of {nearest.error:.2g}."]
 
 
 def table(points: Sequence[Point], error_label: str) -> list[str]:

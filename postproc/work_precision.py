@@ -30,9 +30,10 @@ class Mark:
     best: bool = False
 
 
-def draw(points: Sequence[Point], best: Point | None, tolerance: float, title: str, error_label: str, labels: dict[str, str],
+def draw(points: Sequence[Point], best: Sequence[Point], given: Sequence[str], tolerance: float, title: str, error_label: str, labels: dict[str, str],
          directory: Path, stem: str, dpi: int = 200) -> Picture:  # fmt: skip
-    """Write <stem>.png. labels: parameter to its name in the figure, in the order of the study; the first is the right panel's abscissa."""
+    """Write <stem>.png. best: the recommended points. given: parameters that are no choice. labels: parameter to its name in the figure, in
+    the order of the study; the first is the right panel's abscissa."""
     first = next(iter(labels))
     across = first in points[0].options
     others = [key for key in points[0].options if key != first]
@@ -48,34 +49,33 @@ def draw(points: Sequence[Point], best: Point | None, tolerance: float, title: s
         for (name, line), (colour, marker, dash) in zip(series.items(), LOOKS * (1 + len(series) // len(LOOKS))):
             look = {"color": colour, "marker": marker, "markersize": 4.5, "linewidth": 1.0}
             shown = [point for point in line if point.counts and point.error > 0.0]
-            work.plot([point.cpu_s for point in shown], [point.error for point in shown], linestyle=dash if across else "", label=name or None, **look)
+            work.plot([point.cpu_s for point in shown], [point.error for point in shown], linestyle=dash if across and not given else "", label=name or None, **look)
             good = [mark for mark in marks[name] if mark.stable and mark.error > 0.0]
             sweep.plot([_place(mark.option, options, numeric) for mark in good], [mark.error for mark in good], linestyle=dash, **look)
             for point in shown:
                 errors = [row.error for row in point.rows if len(point.rows) > 1]
                 for axes, place in [(work, point.cpu_s)] + ([(sweep, _place(point.options[first], options, numeric))] if across else []):
                     axes.plot([place] * len(errors), errors, color=colour, marker="_", linestyle="", markersize=5)
-                if across and numeric:
-                    work.annotate(short(point.options[first]), (point.cpu_s, point.error), xytext=(4, 3), textcoords="offset points", fontsize=6, color="0.3")
         _scales(work, sweep, [point for line in series.values() for point in line if point.counts], options, numeric)
-        _front(work, [point for line in series.values() for point in line if point.error > 0.0])
+        if not given:
+            _front(work, [point for line in series.values() for point in line if point.error > 0.0], first if across and numeric else None)
         _tolerance(work, sweep, tolerance)
         _failures(sweep, [_place(mark.option, options, numeric) for line in marks.values() for mark in line if not mark.stable])
         ring = {"marker": "o", "markersize": 11, "markerfacecolor": "none", "markeredgecolor": "black", "markeredgewidth": 1.2, "linestyle": ""}
-        if best is not None and best.error > 0.0:
-            work.plot(best.cpu_s, best.error, **ring)
+        for point in (point for point in best if point.error > 0.0):
+            work.plot(point.cpu_s, point.error, **ring)
         for mark in (mark for line in marks.values() for mark in line if mark.best and mark.error > 0.0):
             sweep.plot(_place(mark.option, options, numeric), mark.error, **ring)
         work.set(xlabel="CPU time, s", ylabel=error_label)
         sweep.set(xlabel=labels[first])
-        _legend(figure, work, best, others, labels, ring)
+        _legend(figure, work, best, given, others, labels)
         work.set_title(title, loc="left", fontsize=8.5)
         return save(figure, directory, stem, title, dpi, False)
 
 
-def _marks(line: Sequence[Point], first: str, across: bool, best: Point | None) -> list[Mark]:
+def _marks(line: Sequence[Point], first: str, across: bool, best: Sequence[Point]) -> list[Mark]:
     if across:
-        return [Mark(point.options[first], point.error, point.stable, point is best) for point in line]
+        return [Mark(point.options[first], point.error, point.stable, any(point is one for one in best)) for point in line]
     return [Mark(row.spread[first], row.error, row.stable) for point in line for row in point.rows]
 
 
@@ -124,8 +124,8 @@ def _limits(setter, values: Sequence[float], margin: float) -> None:
     setter(min(values) / margin, max(values) * margin)
 
 
-def _front(work, shown: Sequence[Point]) -> None:
-    """The Pareto front as steps: what can be had for a given time."""
+def _front(work, shown: Sequence[Point], named: str | None) -> None:
+    """The Pareto front as steps: what can be had for a given time. named: parameter whose value stands beside each of its points."""
     front = pareto_front(shown)
     if not front:
         return
@@ -133,6 +133,9 @@ def _front(work, shown: Sequence[Point]) -> None:
     times = [point.cpu_s for point in front] + [right]
     errors = [point.error for point in front] + [front[-1].error]
     work.plot(times, errors, color="0.8", linewidth=5, zorder=0.5, drawstyle="steps-post", solid_joinstyle="miter", label="Pareto front")
+    for point in front:
+        if named:
+            work.annotate(short(point.options[named]), (point.cpu_s, point.error), xytext=(5, 4), textcoords="offset points", fontsize=6.5)
 
 
 def _tolerance(work, sweep, tolerance: float) -> None:
@@ -150,13 +153,14 @@ def _failures(sweep, places: Sequence[float]) -> None:
         sweep.set_title("x  refused or not stable", loc="right", fontsize=7, color="#D55E00")
 
 
-def _legend(figure, work, best: Point | None, others: Sequence[str], labels: dict[str, str], ring: dict[str, Any]) -> None:
+def _legend(figure, work, best: Sequence[Point], given: Sequence[str], others: Sequence[str], labels: dict[str, str]) -> None:
     handles, names = work.get_legend_handles_labels()
-    if best is not None:
-        handles.append(plt.Line2D([], [], **(ring | {"markersize": 9})))
-        names.append("recommended: " + ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best.options.items()))
-    figure.legend(handles, names, loc="outside lower center", ncols=min(4, max(1, len(names))), fontsize=7,
+    columns = max(1, min(len(names), 110 // (8 + max(map(len, names), default=0))))
+    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7,
                   title=", ".join(labels.get(key, key) for key in others) or None, title_fontsize=7)  # fmt: skip
+    if best:
+        chosen = ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best[0].options.items())
+        figure.supxlabel("\u25ef  recommended" + (" for each" if given else f": {chosen}"), fontsize=7.5)
 
 
 def error_text(error: float) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from postproc.error_time import Row, cost, error_of, gathered, recommended, write_table
+from postproc.error_time import Row, cost, error_of, gathered, recommended_for_each, write_table
 from postproc.errors import RunFileError
 from postproc.observables import OBSERVABLES, NotObserved, Observed, ResultFiles, interpolated
 from postproc.references import ANALYTIC
@@ -163,17 +163,19 @@ def of_table(path: Path, wanted: Observable) -> Observed:
 
 def _write(study: Study, rows: list[Row], paths: Paths, file: str) -> None:
     points = gathered(rows)
-    best = recommended(points, study.tolerance)
+    given = [one.key for one in study.parameters if one.given]
+    best = recommended_for_each(points, given, study.tolerance)
     error_label = ("relative " if study.relative else "") + (study.error_label or "error")
     # Drawn only when all is there: matplotlib takes a second to load.
     from postproc.study_page import page, verdict
     from postproc.work_precision import draw
 
     labels = {one.key: one.label or one.key for one in study.parameters}
-    picture = draw(points, best, study.tolerance, study.title, error_label, labels, paths.results, FIGURE)
+    picture = draw(points, best, given, study.tolerance, study.title, error_label, labels, paths.results, FIGURE)
     text = page(study.title, study.about, f"poreslip study {file}", points, best, study.tolerance, error_label, picture.name)
     write_atomically(paths.results / PAGE, text)
-    print(f"{study.stem}  {verdict(points, best, study.tolerance).replace('**', '')}")
+    for line in filter(None, verdict(points, best, study.tolerance)):
+        print(f"{study.stem}  {line.replace('**', '')}")
     print(f"{study.stem}  {paths.results / PAGE}", flush=True)
 
 

@@ -56,6 +56,8 @@ class Parameter:
     choices: dict[str, dict[str, Any]] = field(default_factory=dict)
     # Settings that differ in this alone, as in the seed of a pack, count as one: with the largest of their errors.
     spread: bool = False
+    # Not a choice but given, as the porosity of a pack: a setting is recommended for each of its values.
+    given: bool = False
     # How it is called in figures; the key by default.
     label: str = ""
 
@@ -278,12 +280,16 @@ def _problems(study: Study):
                 yield f"[{name}]: {key} is no parameter of the study{nearest(key, [one.key for one in study.parameters])}"
     if sum(not one.spread for one in study.parameters) not in range(1, MOST_PARAMETERS + 1):
         yield f"there are {sum(not one.spread for one in study.parameters)} parameters; allowed are 1 to {MOST_PARAMETERS}, besides those with spread = true"
+    if all(one.given or one.spread for one in study.parameters):
+        yield "all parameters are given or spread over, so there is nothing to choose"
     keys = [one.key for one in study.parameters]
     if len(set(keys)) < len(keys):
         yield "two parameters have the same key"
     for one in study.parameters:
         if bool(one.values) == bool(one.choices):
             yield f"parameter {one.key} needs either values, a list that is not empty, or choices, a table"
+        if one.given and one.spread:
+            yield f"parameter {one.key} cannot be given and spread over at once"
         if len({str(option) for option in one.options}) < len(one.options):
             yield f"parameter {one.key} names a value twice"
     yield from _observed_problems(study)
