@@ -98,11 +98,14 @@ class Plan:
 
     def _job(self, command: Command, options: dict[str, Any]) -> Job:
         inputs = self._inputs(options)
-        return self._case_job(command, inputs) if command.case else self._poreflow_job(command, inputs)
+        if not command.case:
+            return self._poreflow_job(command, inputs)
+        # A companion keeps what it sets for itself; in the measured run the setting decides.
+        return self._case_job(command, command.set | inputs if command is self._study.run else inputs | command.set)
 
     def _case_job(self, command: Command, inputs: dict[str, Any]) -> Job:
         path = self._study.directory / command.case
-        overrides = [f"{key}={toml(value)}" for key, value in (command.set | inputs).items()]
+        overrides = [f"{key}={toml(value)}" for key, value in inputs.items()]
         only = [command.only] if command.only else []
         arguments = ["-m", "coupling", "run", str(path), *(f"--only={name}" for name in only)]
         for override in overrides:

@@ -34,7 +34,7 @@ class Command:
     # Case file, relative to the study file; and which of its runs, where it has several.
     case: str = ""
     only: str = ""
-    # Inputs of the case that differ from the file: dotted keys.
+    # Inputs of the case that differ from the file: dotted keys. Those of a companion hold whatever the setting.
     set: dict[str, Any] = field(default_factory=dict)
     # Instead of a case: command line of poreflow, the pack's path relative to the study file, other files to the run's directory.
     poreflow: str = ""

@@ -76,6 +76,17 @@ def test_what_decides_a_result_decides_its_run(study, tmp_path):
     assert digest() != first
 
 
+def test_a_companion_keeps_what_it_sets_and_takes_the_rest(study):
+    companion = '[companion.slow]\ncase = "fault.toml"\nonly = "wet"\nset = { loading.strain_rate_per_s = 0.1 }\n'
+    seeds = '[[parameter]]\nkey = "pack.seed"\nvalues = [7]\n'
+    text = STUDY.replace("[observable]", f"{companion}\n{seeds}\n[observable]").replace("= 0.5 }", '= 0.5, "pack.seed" = 7 }')
+    arguments = Plan(load_study(study(text=text))).settings[0].jobs["slow"].arguments
+    assert "loading.strain_rate_per_s=0.1" in arguments and "pack.seed=7" in arguments
+    limited = text.replace('only = "wet"', 'only = "wet"\nparameters = ["loading.strain_rate_per_s"]')
+    arguments = Plan(load_study(study(text=limited))).settings[0].jobs["slow"].arguments
+    assert not any("pack.seed" in argument for argument in arguments)
+
+
 def test_choices_change_together(study):
     text = STUDY.replace('key = "loading.strain_rate_per_s"\nvalues = [1.0, 2.0]', """key = "rate"
 [parameter.choices]
