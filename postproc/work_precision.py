@@ -156,11 +156,12 @@ def _failures(sweep, places: Sequence[float]) -> None:
 def _legend(figure, work, best: Sequence[Point], given: Sequence[str], others: Sequence[str], labels: dict[str, str]) -> None:
     handles, names = work.get_legend_handles_labels()
     columns = max(1, min(len(names), 110 // (8 + max(map(len, names), default=0))))
-    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7,
-                  title=", ".join(labels.get(key, key) for key in others) or None, title_fontsize=7)  # fmt: skip
+    said = []
     if best:
         chosen = ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best[0].options.items())
-        figure.supxlabel("\u25ef  recommended" + (" for each" if given else f": {chosen}"), fontsize=7.5)
+        said.append("ringed: recommended" + (" for each" if given else f", {chosen}"))
+    said += [", ".join(labels.get(key, key) for key in others)] if others else []
+    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7, title="\n".join(said) or None, title_fontsize=7.5)
 
 
 def error_text(error: float) -> str:
