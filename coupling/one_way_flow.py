@@ -30,3 +30,8 @@ class OneWayFlow(StandingForces, TwoWayFlow):
     def _solve(self) -> FlowResult:
         elapsed = (self._engine.step - self._begun) * self._engine.time_step
         return self._flow.implicit(self._held.boundary(), self._pressure, elapsed, tolerance=SOLVER_TOLERANCE)
+
+    def _set_forces(self) -> None:
+        # As prescribed pressures do: what grains do gives the fluid nothing that half a step of old forces could give back.
+        self._engine.property_atom("pore_force")[:] = self._force
+        self._walls.set_fluid_forces(self._engine, self._wall_force)
