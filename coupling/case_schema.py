@@ -247,6 +247,12 @@ class Flow:
     split: str = allowed("undrained", choices=("undrained", "predicted", "staggered"))
     # Steps between two updates of the forces; with "solve", between two solves of the flow.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
+    # When the mesh of the pores is made anew: "needed": where it no longer is the triangulation of the grains, and then repaired if that can
+    # be; "always": at every update.
+    remesh: str = allowed("needed", choices=("needed", "always"))
+    # Part of a mean radius that a grain may move before the mesh is looked at again; 0 looks at every update, which is cheap
+    # (docs/error-against-run-time.md, remesh).
+    remesh_displacement: float = allowed(0.0, at_least=0.0, at_most=0.5)
     # Which deck include adds the forces: "fast", the compiled fix, or "addforce", LIGGGHTS' own fix addforce with atom-style variables.
     pore_force: str = allowed("fast", choices=("fast", "addforce"))
 

@@ -98,9 +98,11 @@ class PrescribedFlow(StandingForces):
         self._refused = InputError
         self._comm, self._walls, self._pressure, self._fault = comm, walls, pressure, fault
         self._law, self._diameter = case.flow.forces, 2.0 * case.mean_radius_m
-        self._network = PoreNetwork(comm, np.array(fault.lower), np.array(fault.upper), np.array([False, False, walls.periodic_z]))
+        self._network = PoreNetwork(comm, np.array(fault.lower), np.array(fault.upper), np.array([False, False, walls.periodic_z]),
+                                    case.flow.remesh_displacement * case.mean_radius_m)  # fmt: skip
         self._in_pores = np.zeros(0)
-        self._rebuild = False
+        self._always = case.flow.remesh == "always"
+        self._rebuild = self._always
 
     def synchronise(self) -> None:
         """Build the mesh anew at the next update, as a run that starts from this point's checkpoint does."""
@@ -118,7 +120,7 @@ class PrescribedFlow(StandingForces):
             except self._refused as error:
                 # The case was good when loading began: what is wrong now came about in the run.
                 raise ComputationError(f"no pore network can be made at step {engine.step}: {error}") from None
-            self._rebuild = False
+            self._rebuild = self._always
         with self._phases.timed("pressure"), raised_together(self._comm):
             self._in_pores = self._pressure.at(self._network.pore_centre, progress, strain, time)
         with self._phases.timed("forces"):

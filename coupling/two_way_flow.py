@@ -51,7 +51,8 @@ class TwoWayFlow(Dry):
         self._case, self._comm, self._walls, self._fluid, self._saved = case, comm, walls, case.fluid, saved
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
         self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
-        self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z))
+        self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z), case.flow.remesh_displacement * case.mean_radius_m)
+        self._always = case.flow.remesh == "always"
         self._network.remember_previous()
         self._held = held
         self._flow: PoreFlow | None = None
@@ -153,7 +154,7 @@ class TwoWayFlow(Dry):
             self._id = engine.atom("id").copy()
             outcome = network.update(
                 self._id, engine.atom("x"), engine.atom("radius"), wall_position=self._walls.positions(self._walls.states(engine)),
-                group=engine.atom("type") - np.int32(1), rebuild=rebuild)
+                group=engine.atom("type") - np.int32(1), rebuild=rebuild or self._always)
         with self._phases.timed("geometry"):
             if self._flow is None:
                 self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)

@@ -52,6 +52,9 @@ class PoreNetwork:
     lower, upper : (3,) float64, m
         Corners of the box; along periodic directions they give the period.
     periodic : (3,) bool
+    trusted_displacement : m
+        A mesh counts as kept, unseen, until a grain or a wall has moved this far since it was last known to hold; the pores'
+        geometry follows the grains all the same. Default 0: looked at in every update.
     """
 
     def __init__(
@@ -60,16 +63,19 @@ class PoreNetwork:
         lower: ArrayLike,
         upper: ArrayLike,
         periodic: Sequence[bool] = (False, False, False),
+        trusted_displacement: float = 0.0,
     ) -> None:
         faults: list[str] = []
         box = [checked_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
         if len(periodic) != 3:
             faults.append(f"periodic has {len(periodic)} entries: expected 3, for x, y and z")
+        if not 0.0 <= trusted_displacement < np.inf:
+            faults.append(f"trusted_displacement is {trusted_displacement!r} m: expected a finite number of 0 or more")
         for fault in comm.allgather(faults[0] if faults else ""):
             if fault:
                 raise InputError(fault)
         self._native = _native.PoreNetwork(
-            comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic]
+            comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], float(trusted_displacement)
         )
         self.comm = comm
         self.periodic = tuple(bool(p) for p in periodic)

@@ -51,11 +51,11 @@ NB_MODULE(poreslip_network, m) {
       .def(
           "__init__",
           [](PoreNetwork* self, int communicator, std::array<double, 3> lower, std::array<double, 3> upper,
-             std::array<bool, 3> periodic) {
-            new (self) PoreNetwork(MPI_Comm_f2c(communicator), Domain{lower, upper, periodic});
+             std::array<bool, 3> periodic, double trusted_displacement) {
+            new (self) PoreNetwork(MPI_Comm_f2c(communicator), Domain{lower, upper, periodic}, trusted_displacement);
           },
-          nb::arg("communicator"), nb::arg("lower"), nb::arg("upper"), nb::arg("periodic"),
-          "communicator: Fortran handle, comm.py2f(); lower, upper: (3,) float64, m; periodic: (3,) bool")
+          nb::arg("communicator"), nb::arg("lower"), nb::arg("upper"), nb::arg("periodic"), nb::arg("trusted_displacement"),
+          "communicator: Fortran handle, comm.py2f(); lower, upper: (3,) float64, m; periodic: (3,) bool; trusted_displacement: m")
       .def("agree", &PoreNetwork::agree, nb::arg("message"),
            "Raise InputError on all ranks if any rank passes a non-empty message.")
       .def(

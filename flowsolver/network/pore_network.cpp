@@ -29,7 +29,8 @@ constexpr double wrap_margin = 0.25;
 
 }  // namespace
 
-PoreNetwork::PoreNetwork(MPI_Comm comm, const Domain& domain) : domain_(domain) {
+PoreNetwork::PoreNetwork(MPI_Comm comm, const Domain& domain, double trusted_displacement)
+    : domain_(domain), trusted_displacement_(trusted_displacement) {
   MPI_Comm_dup(comm, &comm_);
   agree_on_input(comm_, check_domain(domain));
   for (int d = 0; d < 3; ++d) {
@@ -107,11 +108,13 @@ std::optional<Outcome> PoreNetwork::keep(const GrainInput& input) {
   refresh_local_grains();
   if (match == GrainDirectory::Match::scattered) return std::nullopt;
   walls_ = make_wall_spheres(domain_, wall_position_);
+  if (trusted_displacement_ > 0.0 && displacement_since_look() <= trusted_displacement_) return Outcome::kept;
   const Certificate certificate = certify(mesh_, local_, walls_);
   std::array<std::int64_t, 4> total{static_cast<std::int64_t>(certificate.violated_facets.size()), certificate.inverted_cells,
                                     certificate.exact_tests, static_cast<std::int64_t>(halo_.grains().size())};
   MPI_Allreduce(MPI_IN_PLACE, total.data(), 4, MPI_INT64_T, MPI_SUM, comm_);
   report_.exact_tests = total[2];
+  look();
   if (total[0] == 0 && total[1] == 0) return Outcome::kept;
   // Copies of a cell on other ranks, or in other periods, would have to be flipped alike: there the mesh is made anew.
   if (total[1] > 0 || total[3] > 0 || total[0] * repair_one_in > static_cast<std::int64_t>(mesh_.facets()))
@@ -121,6 +124,27 @@ std::optional<Outcome> PoreNetwork::keep(const GrainInput& input) {
   if (remember_previous_) leave_behind();
   take(*cells);
   return Outcome::repaired;
+}
+
+// Keeps the places at which the mesh is known to hold.
+void PoreNetwork::look() {
+  if (trusted_displacement_ == 0.0) return;
+  seen_ = own_;
+  seen_walls_ = wall_position_;
+}
+
+// Largest displacement of a grain, or of a wall, since then, over all ranks.
+double PoreNetwork::displacement_since_look() const {
+  double square = 0.0, wall = 0.0;
+  for (std::size_t i = 0; i < own_.size(); ++i) {
+    const double x = own_.x[i] - seen_.x[i], y = own_.y[i] - seen_.y[i], z = own_.z[i] - seen_.z[i];
+    square = std::max(square, x * x + y * y + z * z);
+  }
+  for (std::size_t k = 0; k < wall_position_.size(); ++k)
+    if (domain_.has_wall(static_cast<int>(k % 6))) wall = std::max(wall, std::abs(wall_position_[k] - seen_walls_[k]));
+  double largest = std::max(std::sqrt(square), wall);
+  MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, comm_);
+  return largest;
 }
 
 // Own grains at their new places; continuous: as the periodic image nearest to where they were.
@@ -177,6 +201,7 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   hidden_ = cells.hidden;
   MPI_Allreduce(MPI_IN_PLACE, &hidden_, 1, MPI_INT64_T, MPI_SUM, comm_);
   take(cells);
+  look();
   meshed_ = true;
 }
 

@@ -49,7 +49,8 @@ struct Limited {
 // are its own, of which every cell of the pack is one on exactly one rank.
 class PoreNetwork {
  public:
-  PoreNetwork(MPI_Comm comm, const Domain& domain);
+  // trusted_displacement: m; a mesh is not looked at before a grain or a wall has moved as far since it was known to hold.
+  PoreNetwork(MPI_Comm comm, const Domain& domain, double trusted_displacement = 0.0);
   ~PoreNetwork();
   PoreNetwork(const PoreNetwork&) = delete;
   PoreNetwork& operator=(const PoreNetwork&) = delete;
@@ -123,6 +124,12 @@ class PoreNetwork {
   Mesh mesh_;
   std::vector<std::size_t> wall_facets_;  // facets of cells that have walls
   GrainDirectory directory_;
+  void look();
+  double displacement_since_look() const;
+
+  double trusted_displacement_;
+  OwnGrains seen_;                      // where trusted_displacement_ > 0
+  std::vector<double> seen_walls_;
   bool remember_previous_ = false;
   PreviousPores previous_;
   PoreExchange exchange_;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from processes import the_message
 from sample_runs import SQUEEZE
@@ -89,6 +90,20 @@ def test_a_two_way_run_tells_where_its_time_went_and_how_well_it_closed(poreslip
     page = (run / "report.md").read_text()
     for words in ("| mass_residual |", "solver: iterations |", "| mesh repaired |", "| assembly |", "bonds broken in shear", "Peak memory"):
         assert words in page
+
+
+def test_when_the_mesh_is_made_anew_is_an_input(run_fault):
+    """A tiny fault at a great rate, 40 updates: the mesh needed, always anew, and trusted for a while."""
+    runs = {name: run_fault(*inputs, run="wet", out=name) for name, inputs in {
+        "needed": (), "always": ("flow.remesh=always",), "trusted": ("flow.remesh_displacement=0.3",)}.items()}  # fmt: skip
+    counts = {name: json.loads((run / "report.json").read_text())["remeshes"] for name, run in runs.items()}
+    updates = sum(counts["needed"].values())
+    assert counts["always"] == {"kept": 0, "repaired": 0, "rebuilt": updates}
+    assert 0 < counts["trusted"]["repaired"] + counts["trusted"]["rebuilt"] < counts["needed"]["repaired"] + counts["needed"]["rebuilt"] <= updates
+    needed, always, trusted = (history(runs[name])["sigma_n_Pa"] for name in ("needed", "always", "trusted"))
+    # A mesh that is repaired is the one made anew.
+    np.testing.assert_allclose(always, needed, rtol=1e-6)
+    np.testing.assert_allclose(trusted, needed, rtol=1e-3)
 
 
 def test_runs_of_a_case_do_not_know_each_other(start, run_fault, tmp_path):

@@ -52,6 +52,31 @@ def test_moving_walls_are_certified_too():
     assert "kept" in outcomes and "repaired" in outcomes
 
 
+def test_a_trusted_mesh_is_looked_at_once_a_grain_or_a_wall_has_moved_so_far():
+    """Small steps that flip facets: unseen they change nothing but the geometry, and at last the mesh is that of the grains again."""
+    x, r = random_pack(200, (0.05, 0.08), seed=7)
+    ids, rng = np.arange(len(r)), np.random.default_rng(0)
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3, trusted_displacement=2.5e-3)
+    seen = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    for one in (net, seen):
+        one.update(ids, x, r)
+    start, way, outcomes = cells(net), rng.uniform(-1.0, 1.0, x.shape), []
+    way *= 1e-3 / np.linalg.norm(way, axis=1).max()
+    for step in range(1, 4):
+        x = np.clip(x + way, 0.01, 0.99)
+        outcomes.append((net.update(ids, x, r), seen.update(ids, x, r)))
+        assert net.cell_volume.sum() == pytest.approx(1.0, rel=1e-12)
+        assert (cells(net) == start) == (step < 3)
+    assert [one for one, _ in outcomes] == ["kept", "kept", "repaired"] and "repaired" in [other for _, other in outcomes[:2]]
+    assert cells(net) == cells(seen)
+    planes = UNIT_BOX + 1e-3 * np.array([[-1.0, 0, 0, 0, 0, 0]])
+    assert net.update(ids, x, r, planes) == "kept"
+    planes[0, 0] = -0.2
+    assert net.update(ids, x, r, planes) != "kept"
+    with pytest.raises(ValueError, match="trusted_displacement is -1.0 m"):
+        PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3, trusted_displacement=-1.0)
+
+
 def test_repaired_means_same_as_fresh_over_many_steps():
     """Flip after flip, without a new triangulation in between; then moves too large to repair."""
     x, r = random_pack(300, (0.04, 0.07), seed=9)
