@@ -146,6 +146,18 @@ def _fluid(run: RunCase) -> Iterator[Problem]:
             yield "fluid.compressibility_per_Pa", f'must be above 0 with flow.split = "{run.flow.split}", in which the pores store what is squeezed; set "staggered"'
         if run.scene == "sample" and not fluid.faces:
             yield "fluid.compressibility_per_Pa", "must be above 0 in a sealed box; or hold a pressure at one of fluid.faces"
+    if run.flow.two_way and run.flow.split == "staggered":
+        # Deferred: the estimate needs numpy.
+        from coupling.staggered_limit import MARGIN, layers_of
+
+        longest = layers_of(run).longest_interval()
+        if run.flow.interval_steps > MARGIN * longest:
+            shorter = f"set {longest} or fewer, or " if longest else "set "
+            yield (
+                "flow.interval_steps",
+                f'with flow.split = "staggered" this fluid throws the grains about unless solves are at most about {longest} steps apart: {shorter}'
+                'flow.split = "undrained" or "predicted"',
+            )
     if run.has_fault and fluid.faces:
         yield "fluid.faces", f'has no effect in the scene "{run.scene}", where [pressure] and fluid.held say what is held; leave it out'
     if run.has_fault and fluid.initial_pressure_Pa:

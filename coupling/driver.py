@@ -128,7 +128,17 @@ class Run:
 
         held = held_pressure.OfFault(case, comm, fault, PrescribedPressure(case, fault), now) if case.has_fault else held_pressure.OfSample(case)
         flow = TwoWayFlow if case.flow.two_way else OneWayFlow
+        self._tell_of_the_split()
         return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved)
+
+    def _tell_of_the_split(self) -> None:
+        flow = self.case.flow
+        if flow.two_way and flow.split == "staggered":
+            from coupling.staggered_limit import layers_of
+
+            longest = layers_of(self.case).longest_interval()
+            if flow.interval_steps > longest:
+                self._tell(f'flow.interval_steps = {flow.interval_steps} is more than the {longest} with which flow.split = "staggered" is estimated to be stable')
 
     def _snapshots(self, resume_step: int | None):
         count, steps = self.case.output.snapshots, self.case.loading_steps

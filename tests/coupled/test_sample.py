@@ -7,6 +7,9 @@ import pytest
 from sample_runs import CASES, Result, terzaghi
 from tiny_fault import settings
 
+from coupling.case import load_case
+from coupling.staggered_limit import layers_of
+
 STRESS_STEP = 1e6
 #: Faster than the case file's, with T_v up to 0.75 in 1600 steps.
 QUICK = ("fluid.viscosity_Pa_s=5.0", "sample.loading_time_s=1.1e-4", "loading.time_step_fraction=0.35", "flow.interval_steps=5")
@@ -117,11 +120,44 @@ def test_a_staggered_soft_fluid_gives_the_same(run):
     np.testing.assert_allclose(staggered[-5:], undrained[-5:], rtol=0.02)
 
 
-def test_a_staggered_stiff_fluid_is_told(poreslip, stage_cache, tmp_path):
-    """A fluid of 2.5 times the skeleton's stiffness, and forces that stand still for 40 steps: the grains are thrown about."""
-    case, inputs = CASES / "consolidation" / "consolidation.toml", settings("flow.split=staggered", "flow.interval_steps=40")
-    command = ["run", case, "--only", "two_way", "--out", tmp_path, *inputs]
-    ended = poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
-    assert ended.returncode == 3, ended.stderr
-    told = ("stiffer than the skeleton", "grains were lost")
-    assert any(part in ended.stderr for part in told), ended.stderr
+SMALL = ("pack.box_m=[0.014, 0.014, 0.014]", "sample.loading_time_s=5e-5", "sample.ramp_time_s=4e-6", "output.checkpoint_every_steps=0")
+
+
+def staggered(poreslip, stage_cache, out, interval: int, *overrides: str):
+    """A fluid of 2.5 times the skeleton's stiffness between small grains' steps, solved at intervals."""
+    every = f"output.history_interval_steps={interval * max(1, 40 // interval)}"
+    inputs = settings("flow.split=staggered", f"flow.interval_steps={interval}", every, *SMALL, *overrides)
+    command = ["run", CASES / "consolidation" / "consolidation.toml", "--only", "two_way", "--out", out / str(interval), *inputs]
+    return poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.9])
+def test_the_staggered_limit(poreslip, stage_cache, tmp_path, restitution):
+    """The interval at which the staggered split becomes unstable, by bisection, is within a factor of two of the estimate."""
+    overrides = (f"material.restitution={restitution}",)
+    case = load_case(CASES / "consolidation" / "consolidation.toml", [*SMALL, *overrides]).runs[0]
+    estimate = layers_of(case).longest_interval()
+
+    def stable(interval: int) -> bool:
+        ended = staggered(poreslip, stage_cache, tmp_path, interval, *overrides)
+        assert ended.returncode in (0, 3), ended.stderr
+        assert ("is estimated to be stable" in ended.stdout) == (interval > estimate)
+        if ended.returncode == 3:
+            assert "stiffer than the skeleton" in ended.stderr or "grains were lost" in ended.stderr
+            return False
+        # The waves of the load's rise have gone, or are about to come back.
+        energy = Result(tmp_path / str(interval) / "consolidation" / "two_way").history["kinetic_energy_J"]
+        return energy[-1] < 0.3 * energy.max()
+
+    low, high = (estimate + 1) // 2, 2 * estimate
+    assert stable(low) and not stable(high)
+    while high - low > 2:
+        middle = (low + high) // 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    assert estimate / 2 <= low and high <= 2 * estimate
+
+
+def test_a_hopeless_staggered_interval_is_refused(poreslip, stage_cache, tmp_path):
+    ended = staggered(poreslip, stage_cache, tmp_path, 40)
+    assert ended.returncode == 2, ended.stderr
+    assert "flow.interval_steps = 40" in ended.stderr and 'flow.split = "undrained"' in ended.stderr
