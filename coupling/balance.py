@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from coupling.engine.interface import Engine
+from coupling.engine.interface import Contacts, Engine
 from coupling.errors import ComputationError
 
 #: Steps until a stage is given up.
@@ -22,7 +22,7 @@ def settle(
     """
     ratio = worst = float("inf")
     for _ in range(LONGEST_SETTLING // steps):
-        ratio = unbalanced_force_ratio(engine, comm)
+        ratio = unbalanced_force_ratio(engine, comm, engine.contacts())
         worst = max(abs(engine.wall(name).contact_force / target - 1.0) for name, target in target_forces().items())
         if ratio < balanced and worst < tolerance:
             return
@@ -33,10 +33,9 @@ def settle(
         "loading.time_step_fraction help")
 
 
-def unbalanced_force_ratio(engine: Engine, comm) -> float:
-    """Mean resultant force on a grain that is in contact, over the mean normal force of the contacts."""
-    contacts = engine.contacts()
-    touching = np.isin(engine.atom("id"), ids_in_contact(contacts.id, comm))
+def unbalanced_force_ratio(engine: Engine, comm, contacts: Contacts) -> float:
+    """Mean resultant force on a grain that is in contact, over the mean normal force of the contacts; collective."""
+    touching = np.isin(engine.atom("id"), ids_in_contact(contacts.id, comm), kind="table")
     sums = np.array([
         np.linalg.norm(engine.atom("f")[touching], axis=1).sum(), touching.sum(), contacts.normal_force.sum(), len(contacts),
     ], dtype=float)  # fmt: skip
@@ -46,4 +45,7 @@ def unbalanced_force_ratio(engine: Engine, comm) -> float:
 
 def ids_in_contact(pairs: np.ndarray, comm) -> np.ndarray:
     """Ids of the grains of all ranks that touch another grain; pairs: (M, 2) int64, the contacts of this rank."""
-    return np.unique(np.concatenate(comm.allgather(np.unique(pairs))))
+    here = np.zeros(int(pairs.max(initial=-1)) + 1, bool)
+    here[pairs] = True
+    ids = np.flatnonzero(here)
+    return ids if comm.size == 1 else np.unique(np.concatenate(comm.allgather(ids)))

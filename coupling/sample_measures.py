@@ -58,7 +58,7 @@ class SampleMeasures:
         force = np.hypot(contacts.normal_force, np.linalg.norm(contacts.shear_force, axis=1))
         stored = contacts.energy(self._case.normal_stiffness_N_per_m, self._case.shear_stiffness_N_per_m)
         moving = 0.5 * float(engine.atom("rmass") @ (velocity**2).sum(axis=1))
-        kinetic, total, count, stored = comm.allreduce(np.array([moving, force.sum(), len(force), stored]))
+        kinetic, total, count, stored, overlap = comm.allreduce(np.array([moving, force.sum(), len(force), stored, contacts.overlap.sum()]))
         largest = np.array([force.max(initial=0.0), contacts.overlap.max(initial=0.0)])
         comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
         row = dict.fromkeys(SAMPLE_COLUMNS, 0.0) | figures | {"step": engine.step, "time_s": time}
@@ -71,10 +71,10 @@ class SampleMeasures:
             "coordination": 2.0 * count / engine.total_grains,
             "contact_force_mean_N": total / max(count, 1.0),
             "contact_force_max_N": largest[0],
-            "unbalanced_force_ratio": unbalanced_force_ratio(engine, comm),
+            "unbalanced_force_ratio": unbalanced_force_ratio(engine, comm, contacts),
             "kinetic_energy_J": kinetic,
             "overlap_max_over_d": largest[1] / (2.0 * self._case.mean_radius_m),
-            "loading_rate": loading_rate(engine, comm, self._driven),
+            "loading_rate": loading_rate(engine, self._driven, overlap / max(count, 1.0)),
             "contact_energy_J": stored,
         }
         closing = [abs(state[high].velocity - state[low].velocity) for low, high in zip(PACK[0::2], PACK[1::2])]

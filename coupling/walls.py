@@ -81,12 +81,16 @@ class SceneWalls:
         return {name: (face, sum(1 << (part - 1) for part in parts)) for name, (face, parts) in self.plates.items()}
 
     def gaps(self, engine: Engine, state: dict[str, WallState]):
-        """For each wall, by fix id: distances of the centres of this rank's grains that it bears, inwards from its plane, (k,) m, and their radii, (k,) m."""
+        """For each wall, by fix id: distances of the centres of this rank's grains that it bears and that may touch it, inwards from its plane, (k,) m, and
+        their radii, (k,) m."""
         x, radius, kind = engine.atom("x"), engine.atom("radius"), engine.atom("type")
+        reach = radius.max(initial=0.0)
         for name, (face, parts) in self.plates.items():
-            borne = slice(None) if parts == GROUPS else np.isin(kind, parts)
-            inwards = x[borne, face // 2] - state[name].position
-            yield name, inwards if face % 2 == 0 else -inwards, radius[borne]
+            inwards = x[:, face // 2] - state[name].position if face % 2 == 0 else state[name].position - x[:, face // 2]
+            near = np.flatnonzero(inwards < reach)
+            if parts != GROUPS:
+                near = near[np.isin(kind[near], parts)]
+            yield name, inwards[near], radius[near]
 
     def fluid_work(self, before: dict[str, WallState], after: dict[str, WallState]) -> float:
         """Work of the fluid on the walls between two states, J, by the trapezoidal rule."""

@@ -200,9 +200,9 @@ class LiggghtsEngine:
             count = self._styles.poreslip_contacts(self._lmp, buffer.ctypes, len(buffer))
         if count < 0:
             raise ComputationError("the contacts were asked for while the engine has no neighbour list: a run has to come first")
-        rows = buffer[:count]
+        rows = buffer[:count].copy()  # one copy in one piece: the fields are views of it
         ids, types = rows[:, 0:2].astype(np.int64), rows[:, 2:4].astype(np.int32)
-        return Contacts(ids, types, rows[:, 4] != 0, rows[:, 5].copy(), rows[:, 6:9].copy(), rows[:, 9].copy(), rows[:, 10:13].copy())
+        return Contacts(ids, types, rows[:, 4] != 0, rows[:, 5], rows[:, 6:9], rows[:, 9], rows[:, 10:13])
 
     def take_breaks(self) -> np.ndarray:
         rows = np.empty((self._styles.poreslip_break_count(self._lmp), BREAK_COLUMNS))

@@ -1,0 +1,123 @@
+"""overhead: CPU time of a step under the driver, over that of the same deck in the stock `liggghts`, and what each kind of flow adds.
+
+    python benchmarks/overhead/run.py                     # the table
+    python benchmarks/overhead/run.py --repeats 5
+
+Each figure is the median over the repeats, and a step's time is the difference of a long and a short run over their difference of
+steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The stock program runs the
+deck of the loading stage with the same values; it gets our styles by preloading (preload_styles.cpp), for LIGGGHTS has no walls and bonds of that
+kind, and writes neither history nor report.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+REPOSITORY = HERE.parents[1]
+BUILD = Path(os.environ.get("PORESLIP_BUILD", REPOSITORY / "build"))
+sys.path.insert(0, str(REPOSITORY))
+
+from coupling.case import load_case  # noqa: E402  (needs the path above)
+
+FAULT, SAMPLE = "cases/two_sides/quick.toml", "cases/consolidation/consolidation.toml"
+#: A box of about 8000 grains for the sample.
+SAMPLE_BOX = "pack.box_m=[0.038, 0.038, 0.038]"
+#: So small a pressure changes no trajectory, and costs what any does.
+FAINT = ("pressure.left_target_Pa=1.0", "pressure.right_target_Pa=1.0")
+
+
+def cpu_seconds(command: list[str], **environment: str) -> float:
+    """User and system seconds of a command and its children."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(command)}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+class Case:
+    """One run of a case with inputs of its own, by steps."""
+
+    def __init__(self, file: str, run: str, length: str, *overrides: str):
+        self.file, self.run, self.overrides = str(REPOSITORY / file), run, overrides
+        (case,) = [run_ for run_ in load_case(self.file, overrides).runs if run_.name == run]
+        key, value = length, case
+        for part in key.split("."):
+            value = getattr(value, part)
+        self._key, self._per_step = key, value / case.loading_steps
+
+    def inputs(self, steps: int) -> list[str]:
+        length = f"{self._key}={self._per_step * (steps - 0.5):.17g}"
+        return [part for override in (*self.overrides, length) for part in ("--set", override)]
+
+    def driver(self, steps: int, work: Path) -> float:
+        command = [str(REPOSITORY / "poreslip"), "run", self.file, "--only", self.run, "--out", str(work / "out"), *self.inputs(steps)]
+        return cpu_seconds(command)
+
+    def stock(self, steps: int, work: Path) -> float:
+        deck, preload = work / "deck.in", work / "preload.so"
+        if not preload.exists():
+            include = "/usr/include/liggghts"
+            mpi = subprocess.run(["mpicxx", "--showme:compile"], capture_output=True, text=True, check=True).stdout.split()
+            subprocess.run(["g++", "-std=c++20", "-O2", "-shared", "-fPIC", "-DOMPI_SKIP_MPICXX", f"-I{include}", *mpi,
+                            str(HERE / "preload_styles.cpp"), "-o", str(preload), "-ldl"], check=True)  # fmt: skip
+        subprocess.run([sys.executable, str(HERE / "stock_deck.py"), self.file, self.run, str(deck), str(steps), *self.inputs(steps)],
+                       env=os.environ | {"PYTHONPATH": str(REPOSITORY)}, check=True)  # fmt: skip
+        return cpu_seconds(["liggghts", "-in", str(deck), "-log", str(work / "log"), "-screen", str(work / "screen")],
+                           LD_PRELOAD=f"{BUILD / 'lib' / 'libporeslip_liggghts.so'}:{preload}")
+
+
+def rows() -> list[tuple[str, str | None, Callable, tuple[int, int]]]:
+    """Name, the name of the row that it is compared with, the timed run, and its numbers of steps."""
+    strain, time = "loading.horizontal_strain", "sample.loading_time_s"
+    dry = Case(FAULT, "case5", strain)
+    prescribed = Case(FAULT, "case1", strain, *FAINT)
+    quiet = Case(SAMPLE, "dry", time, SAMPLE_BOX)
+    coupled = Case(SAMPLE, "two_way", time, SAMPLE_BOX)
+    fault, sample = (1000, 5000), (1000, 4000)
+    return [
+        ("fault, stock liggghts", None, dry.stock, fault),
+        ("fault, dry", "fault, stock liggghts", dry.driver, fault),
+        ("fault, prescribed pressure", "fault, dry", prescribed.driver, fault),
+        ("sample, stock liggghts", None, quiet.stock, sample),
+        ("sample, dry", "sample, stock liggghts", quiet.driver, sample),
+        ("sample, two-way", "sample, dry", coupled.driver, sample),
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=3)
+    arguments = parser.parse_args()
+    work = Path(tempfile.mkdtemp(prefix="overhead-"))
+    table = rows()
+    seconds: dict[str, list[float]] = {name: [] for name, *_ in table}
+    try:
+        for name, _, timed, (short, _) in table:
+            timed(short, work)  # prepares the stages
+        for _ in range(arguments.repeats):
+            for name, _, timed, (short, long) in table:
+                seconds[name].append((timed(long, work) - timed(short, work)) / (long - short))
+    finally:
+        shutil.rmtree(work)
+    print(f"{'':28}{'CPU ms a step':>14}{'over':>28}{'median of ratios - 1':>22}")
+    for name, base, *_ in table:
+        ratio = ""
+        if base:
+            ratio = f"{base:>28}{100.0 * (statistics.median(a / b for a, b in zip(seconds[name], seconds[base])) - 1.0):21.1f}%"
+        print(f"{name:28}{1e3 * statistics.median(seconds[name]):14.3f}{ratio}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
