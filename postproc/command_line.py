@@ -10,11 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from . import claims, page, tables
+from .claims_coupling import pair_findings
 from .claims_onset import ONSET_CLAIMS, SUPPLEMENT_CLAIMS
 from .claims_stress import STRESS_CLAIMS
+from .coupling_pairs import split_off_pairs
 from .errors import BadOption, RunFileError
 from .figure_style import Picture
 from .figures_bonds import broken_bonds
+from .figures_coupling import one_way_and_two_way
 from .figures_curves import onsets_over_packs, slip_histories, strain_rate, stress_strain
 from .figures_forces import displacement_and_chains, force_histograms
 from .figures_scene import scene
@@ -83,25 +86,29 @@ def make(options: argparse.Namespace, command: str) -> tuple[Path, list[str], li
         raise BadOption(f"--dpi {options.dpi}: give a number from 50 to 1200")
     runs, warnings = find_runs(options.directories)
     warnings += [warning for run in runs for warning in run.warnings]
-    variants = measure(sort_runs(runs))
+    pairs, single = split_off_pairs(runs)
+    variants = measure(sort_runs(single)) if single else ()
     packs = [chosen_pack(variant, options.pack) for variant in variants]
     directory = options.out or options.directories[0] / "plots"
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadOption(f"--out {directory}: it cannot be made ({error.strerror}); name another directory") from None
-    findings = findings_of(variants)
+    findings = (findings_of(variants) if variants else []) + pair_findings(pairs)
     scatter, shifts = tables.scatter_table(variants), tables.variant_shifts(variants)
-    tables.run_table(variants).to_csv(directory / "table.csv", index=False)
-    scatter.to_csv(directory / "scatter.csv", index=False)
+    if variants:
+        tables.run_table(variants).to_csv(directory / "table.csv", index=False)
+        scatter.to_csv(directory / "scatter.csv", index=False)
     claims.table(findings).to_csv(directory / "claims.csv", index=False)
     if len(shifts):
         shifts.to_csv(directory / "shifts.csv", index=False)
     figures = [page.VariantFigures(variant, pack.seed, draw(variant, pack, directory, f"variant-{index}-" if len(variants) > 1 else "", options))
                for index, (variant, pack) in enumerate(zip(variants, packs), start=1)]
+    couplings = [one_way_and_two_way(pair, directory, f"coupling-{index}" if len(pairs) > 1 else "coupling", options.dpi, options.pdf)
+                 for index, pair in enumerate(pairs, start=1)]
     titles = list(dict.fromkeys(str(run.case.get("title") or run.name) for run in runs))
     title = titles[0] if len(titles) == 1 else "Two sides of a fault: " + ", ".join(dict.fromkeys(str(run.case.get("case", run.name)) for run in runs))
-    (directory / "page.html").write_text(page.write(title, command, versions(), warnings, figures, findings, scatter, shifts), encoding="utf-8")
+    (directory / "page.html").write_text(page.write(title, command, versions(), warnings, figures, couplings, findings, scatter, shifts), encoding="utf-8")
     return directory / "page.html", warnings, findings
 
 

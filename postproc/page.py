@@ -189,19 +189,18 @@ def figure_section(figures: Sequence[VariantFigures]) -> str:
     for group in figures:
         parts.append(f"<h3>{escape(group.variant.label)}</h3>" if group.variant.label else "")
         parts.append(f"<p>Drawn for pack {escape(group.seed)}, unless said otherwise.</p>" if len(group.variant.packs) > 1 else "")
-        parts += [f'<figure><img src="{escape(picture.name)}" alt="{escape(picture.caption)}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
-                  for picture in group.pictures]
+        parts.append(pictures_section(group.pictures))
     return "".join(parts)
 
 
-def write(title: str, command: str, versions: str, warnings: Sequence[str], figures: Sequence[VariantFigures], findings: Sequence[Finding],
-          scatter: pd.DataFrame, shifts: pd.DataFrame) -> str:
-    """The page as text."""
-    intro = f"<p>Made by</p><pre>{escape(command)}</pre><p>{escape(versions)}. Numbers of this page: table.csv, scatter.csv, claims.csv" + (
-        ", shifts.csv" if len(shifts) else "") + "; units in the names of their columns.</p>"
-    if warnings:
-        intro += "<p class=\"warning\">Mind:</p><ul>" + "".join(f"<li>{escape(one)}</li>" for one in warnings) + "</ul>"
-    body = ["<h2>Claims of the paper against these runs</h2>", claims_section(findings)]
+def pictures_section(pictures: Iterable[Picture]) -> str:
+    return "".join(f'<figure><img src="{escape(picture.name)}" alt="{escape(picture.caption)}"><figcaption>{escape(picture.caption)}</figcaption></figure>'
+                   for picture in pictures)
+
+
+def onset_sections(figures: Sequence[VariantFigures], scatter: pd.DataFrame, shifts: pd.DataFrame) -> list[str]:
+    """All that follows from the onsets of slip, and the figures."""
+    body = []
     for heading, content in (("Onset of slip on the faster interface", onset_table), ("Where the onset is read", definition_table),
                              ("Quasi-static check", quasi_static_table)):
         body.append(f"<h2>{heading}</h2>")
@@ -211,5 +210,19 @@ def write(title: str, command: str, versions: str, warnings: Sequence[str], figu
                 body.append("<p>Over packs: mean, standard deviation, mean stated uncertainty.</p>" + scatter_rows(scatter, group.variant.label))
         if content is onset_table:
             body.append(f"<details><summary>How the onset is defined</summary><pre>{escape((onset_module.__doc__ or '').strip())}</pre></details>")
-    body += [shifts_section(shifts), "<h2>Figures</h2>", figure_section(figures)]
+    return body + [shifts_section(shifts), "<h2>Figures</h2>", figure_section(figures)]
+
+
+def write(title: str, command: str, versions: str, warnings: Sequence[str], figures: Sequence[VariantFigures], couplings: Sequence[Picture],
+          findings: Sequence[Finding], scatter: pd.DataFrame, shifts: pd.DataFrame) -> str:
+    """The page as text. couplings: figures of pairs of runs, one-way and two-way."""
+    tables = ["table.csv", "scatter.csv"] * bool(figures) + ["claims.csv"] + ["shifts.csv"] * bool(len(shifts))
+    intro = f"<p>Made by</p><pre>{escape(command)}</pre><p>{escape(versions)}. Numbers of this page: {', '.join(tables)}; units in the names of their columns.</p>"
+    if warnings:
+        intro += "<p class=\"warning\">Mind:</p><ul>" + "".join(f"<li>{escape(one)}</li>" for one in warnings) + "</ul>"
+    body = ["<h2>Claims of the paper against these runs</h2>", claims_section(findings)]
+    if couplings:
+        body.append(f"<h2>One-way and two-way coupling</h2>{pictures_section(couplings)}")
+    if figures:
+        body += onset_sections(figures, scatter, shifts)
     return PAGE.substitute(title=escape(title), intro=intro, body="\n".join(body))

@@ -59,7 +59,8 @@ class Grains:
     """Grains of one snapshot, N of them.
 
     position, displacement, pressure_force: (N, 3) float64, m, m, N (displacement is since the start of the loading);
-    radius: (N,) float64, m; part: (N,) int, 1 left block, 2 gouge, 3 right block; coordination: (N,) int.
+    radius: (N,) float64, m; part: (N,) int, 1 left block, 2 gouge, 3 right block; coordination: (N,) int; id: (N,) int;
+    pressure: (N,) float64, Pa, of the fluid around each grain, None where the run wrote none.
     """
 
     position: np.ndarray
@@ -68,6 +69,8 @@ class Grains:
     displacement: np.ndarray
     pressure_force: np.ndarray
     coordination: np.ndarray
+    id: np.ndarray
+    pressure: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -240,7 +243,8 @@ def read_grains(run: Run, row: int) -> Grains:
     return Grains(np.asarray(mesh.points, float), _field(data, "radius", path).astype(float).ravel(),
                   _field(data, "type", path).astype(int).ravel(), _field(data, "displacement", path).astype(float),
                   _field(data, "pressure_force", path).astype(float),
-                  _field(data, "coordination", path).astype(int).ravel())
+                  _field(data, "coordination", path).astype(int).ravel(), _field(data, "id", path).astype(int).ravel(),
+                  np.asarray(data["pressure"], float).ravel() if "pressure" in data else None)
 
 
 def read_contacts(run: Run, row: int) -> Contacts:

@@ -39,7 +39,8 @@ def test_the_same_pressure_on_both_sides_is_the_prescribed_one(run_fault, held):
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
 def test_balances_close(run_fault, upright_case, scene, split, ranks):
     case = upright_case if scene == "supplement" else None
-    done = report(run_fault(*SOLVED, f"flow.split={split}", case=case, ranks=ranks))
+    # Pores that do not drain in a step bear a shorter one.
+    done = report(run_fault(*SOLVED, f"flow.split={split}", "loading.time_step_fraction=0.4", case=case, ranks=ranks))
     assert 0.0 < done["work_residual"] < 1e-10 and 0.0 < done["momentum_residual"] < 1e-10
     assert 0.0 < done["mass_residual"] < 1e-8 and done["remesh_mass_residual"] < 1e-12
     network = done["pore_network_by_rank"][0]
