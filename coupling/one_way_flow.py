@@ -20,11 +20,6 @@ class OneWayFlow(StandingForces, TwoWayFlow):
         with self._forces_change():
             super().update(progress, strain, time)
 
-    def _set_forces(self) -> None:
-        # As prescribed ones: no fluid gets back the work that half a step of the old forces does.
-        self._engine.property_atom("pore_force")[:] = self._force
-        self._walls.set_fluid_forces(self._engine, self._wall_force)
-
     def _make_steps(self, steps: int) -> None:
         Dry.advance(self, steps)
 
