@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 
@@ -105,3 +106,16 @@ def test_a_formula_shows_its_pressure_beside_the_gouge(run_fault):
     rows = history(run_fault("bonds.strength_mean_Pa=1e9", "pressure.mode=expression", "pressure.expression=0.5 * p_left * (s < 0) + 1e5"))
     np.testing.assert_allclose(rows["p_right_Pa"], 1e5, rtol=1e-9)
     np.testing.assert_allclose(rows["p_left_Pa"], 0.5 * 2.5e7 * np.minimum(rows["strain"] / 2e-4, 1.0) + 1e5, rtol=1e-9)
+
+
+def test_a_pair_of_runs_is_plotted(run_fault, poreslip, tmp_path):
+    """What the driver writes is what `poreslip plot` sets side by side: equal to the grain, with a pressure change where grains squeeze."""
+    runs = [run_fault(*SOLVED, f"flow.two_way={way}", "output.snapshots=2", out=f"two-way-{way}") for way in ("false", "true")]
+    done = poreslip("plot", *runs, "--out", tmp_path / "plots", "--dpi", "60")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("(i, ") == 3
+    with open(tmp_path / "plots" / "claims.csv", newline="") as file:
+        values = {row["claim"]: float(row["value"]) for row in csv.DictReader(file)}
+    one, two = (last_grains(run) for run in runs)
+    assert values["i, pressure"] == pytest.approx(np.abs(two["pressure"] - one["pressure"]).max(), rel=1e-9)
+    assert 1.0 < values["i, pressure"] < 1e6 and 0.0 < values["i, displacements"] < 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -100,3 +101,12 @@ def test_a_fault_may_have_any_flow() -> None:
     for case, one_way in ((case, one_way) for case in ("two_sides/quick", "supplement/supplement") for one_way in ("true", "false")):
         runs = load_case(CASES / f"{case}.toml", ["flow.kind=solve", f"flow.two_way={one_way}"]).runs
         assert all(run.needs_mesh for run in runs)
+
+
+def test_the_interface_slip_runs_are_pairs() -> None:
+    """One-way and two-way with the same inputs, water and a fluid as much thinner as the loading is faster than the paper's."""
+    runs = load_case(CASES / "interface_slip" / "interface_slip.toml").runs
+    assert [(run.name, run.flow.two_way) for run in runs] == [("one_way", False), ("two_way", True), ("one_way-slow", False), ("two_way-slow", True)]
+    for one, two in (runs[:2], runs[2:]):
+        assert replace(two, name=one.name, group=one.group, flow=one.flow) == one
+    assert runs[2].fluid.viscosity_Pa_s * runs[2].loading.strain_rate_per_s == pytest.approx(1e-3 * 7.8e-3, rel=1e-3)
