@@ -31,7 +31,7 @@ def probe(run_fault, tiny_case, tmp_path, stage_cache):
         assert done.returncode == 0, done.stderr
         result = json.loads(found.read_text())
         assert result["status"] == 0
-        return {name.split(".")[0] for name in result["modules"]}, " ".join(result["mapped"]).lower(), out / "tiny" / run
+        return set(result["modules"]), " ".join(result["mapped"]).lower(), out / "tiny" / run
 
     return run
 
@@ -60,6 +60,40 @@ def test_a_prescribed_pressure_loads_no_petsc(probe):
     assert "petsc" not in mapped and "poreslip_flow" not in mapped
     assert not (directory / "snapshots").exists()
     assert not list(directory.glob("checkpoint-*"))
+
+
+#: A solved flow in the tiny fault: water, and what the phases of each kind of flow are beside those of the grains.
+SOLVED = ("flow.kind=solve", "loading.time_step_fraction=0.25", "loading.horizontal_strain=2e-5")
+GRAINS = {"stages", "engine", "measures", "output"}
+MESHED = GRAINS | {"tessellation", "forces", "exchange"}
+PHASES = {
+    "dry": ("dry", (), GRAINS),
+    "prescribed": ("wet", (), MESHED | {"pressure"}),
+    "one-way": ("wet", (*SOLVED, "flow.two_way=false"), MESHED | {"geometry", "assembly", "solve", "flow"}),
+    "two-way": ("wet", (*SOLVED, "flow.two_way=true"), MESHED | {"geometry", "assembly", "solve", "flow"}),
+}
+
+
+@pytest.mark.parametrize("kind", PHASES)
+def test_only_the_phases_of_its_kind_are_entered(probe, kind):
+    run, overrides, phases = PHASES[kind]
+    modules, mapped, directory = probe(*overrides, run=run)
+    report = json.loads((directory / "report.json").read_text())
+    (entered,) = report["cpu_s_by_phase_and_rank"]
+    assert set(entered) == phases
+    assert ("poreforce/two_way" in (directory / "log.liggghts").read_text()) == (kind == "two-way")
+    assert ("solver" in report and bool(report["solver"])) == (kind in ("one-way", "two-way"))
+    assert ("coupling.two_way_flow" in modules) == (kind in ("one-way", "two-way"))
+
+
+def test_each_kind_holds_the_memory_that_it_needs(probe):
+    peaks = []
+    for kind in ("dry", "prescribed", "two-way"):
+        run, overrides, _ = PHASES[kind]
+        directory = probe(*overrides, run=run)[2]
+        peaks.append(json.loads((directory / "report.json").read_text())["peak_memory_bytes_by_rank"][0])
+    dry, prescribed, solved = peaks
+    assert dry + 1e6 < prescribed and prescribed + 1e7 < solved
 
 
 def test_only_a_formula_loads_numexpr(probe):
