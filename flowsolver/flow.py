@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -14,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from flowsolver.native import load
 from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, PoreNetwork, checked_array
 
+# A rank is one thread. PETSc's vector operations would start others, which wait for work by spinning.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _native = load("poreslip_flow")
 # PETSc must end before MPI does, which mpi4py ends after all functions that are registered here.
 atexit.register(_native.finalize)

@@ -11,32 +11,40 @@ namespace poreslip::flow {
 Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
                      const double* body_force) {
   const Mesh& mesh = network.mesh();
-  const ThroatSections s = network.throat_sections();
-  std::vector<double> centre(3 * mesh.cells());
-  geometry::cell_centroids(mesh.cell_view(), network.view(), centre.data());
   const auto owned = std::make_unique<bool[]>(mesh.facets());
   network.owned_throats(owned.get());
   Throats t;
-  t.limited = 0;
-  for (std::size_t f = 0; f < mesh.facets(); ++f) {
-    if (!owned[f]) continue;
-    const double least = limiter.least_open_share * s.facet_area[f];
-    t.limited += s.open_area[f] < least;
-    const double area = std::max({s.open_area[f], least, 0.0});
-    double c = 0.0;
-    if (law == ConductanceLaw::duct) {
-      // Overlaps can leave no perimeter; then there is no throat.
-      if (area > 0.0 && s.perimeter[f] > 0.0)
-        c = geometry::duct_conductance(area, s.perimeter[f], fluid.viscosity) / s.length[f];
-    } else {
-      const ThroatBody body = throat_body(mesh, network.view(), f);
-      if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
-        c = area * body.radius * body.radius / (2.0 * fluid.viscosity * body.length);
+  t.facet.reserve(mesh.facets());
+  for (std::size_t f = 0; f < mesh.facets(); ++f)
+    if (owned[f]) t.facet.push_back(static_cast<std::int32_t>(f));
+  t.conductance.resize(t.facet.size());
+  {
+    const ThroatSections s = network.throat_sections();
+    for (std::size_t k = 0; k < t.facet.size(); ++k) {
+      const std::int32_t f = t.facet[k];
+      const double least = limiter.least_open_share * s.facet_area[f];
+      t.limited += s.open_area[f] < least;
+      const double area = std::max({s.open_area[f], least, 0.0});
+      double c = 0.0;
+      if (law == ConductanceLaw::duct) {
+        // Overlaps can leave no perimeter; then there is no throat.
+        if (area > 0.0 && s.perimeter[f] > 0.0)
+          c = geometry::duct_conductance(area, s.perimeter[f], fluid.viscosity) / s.length[f];
+      } else {
+        const ThroatBody body = throat_body(mesh, network.view(), f);
+        if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
+          c = area * body.radius * body.radius / (2.0 * fluid.viscosity * body.length);
+      }
+      t.conductance[k] = c;
     }
-    const double *p = &centre[3 * mesh.facet.left[f]], *q = &centre[3 * mesh.facet.right[f]];
-    t.facet.push_back(f);
-    t.conductance.push_back(c);
-    t.head.push_back(body_force[0] * (q[0] - p[0]) + body_force[1] * (q[1] - p[1]) + body_force[2] * (q[2] - p[2]));
+  }
+  if (body_force[0] == 0.0 && body_force[1] == 0.0 && body_force[2] == 0.0) return t;
+  std::vector<double> centre(3 * mesh.cells());
+  geometry::cell_centroids(mesh.cell_view(), network.view(), centre.data());
+  t.head.resize(t.facet.size());
+  for (std::size_t k = 0; k < t.facet.size(); ++k) {
+    const double *p = &centre[3 * mesh.facet.left[t.facet[k]]], *q = &centre[3 * mesh.facet.right[t.facet[k]]];
+    t.head[k] = body_force[0] * (q[0] - p[0]) + body_force[1] * (q[1] - p[1]) + body_force[2] * (q[2] - p[2]);
   }
   return t;
 }

@@ -24,10 +24,11 @@ struct Limiter {
 };
 
 struct Throats {
-  std::vector<std::size_t> facet;      // facets of the mesh that this rank owns
+  std::vector<std::int32_t> facet;     // facets of the mesh that this rank owns
   std::vector<double> conductance;     // C / l, m^3 / (Pa s)
-  std::vector<double> head;            // of the body force: b . (centroid of the right cell - of the left), Pa
-  std::int64_t limited;                // throats whose open area was raised, on this rank
+  std::vector<double> head;            // of the body force: b . (centroid of the right cell - of the left), Pa; empty: none
+  std::int64_t limited = 0;            // throats whose open area was raised, on this rank
+  double head_of(std::size_t throat) const { return head.empty() ? 0.0 : head[throat]; }
 };
 
 // body_force: of the fluid, Pa/m, such as density times gravity.

@@ -14,11 +14,10 @@ namespace {
 
 // One side of a throat whose pore another rank owns.
 struct RemoteSide {
-  std::int32_t pore;     // index at its owner
-  std::int32_t unused;
+  PetscInt row;          // global number of the pore
+  PetscInt column;       // global number of the other pore, -1 if its pressure is given
   double conductance;    // C / l
   double head;           // gain of the body force from that pore to the other
-  double column;         // global number of the other pore, -1 if its pressure is given
   double pressure;       // of the other pore
 };
 
@@ -100,23 +99,20 @@ void PoreFlow::number(const bool* fixed, bool stored) {
   if (rank == 0) before = 0;
   first_row_ = static_cast<PetscInt>(before);
   all_rows_ = static_cast<PetscInt>(sum(comm_, count));
-  column_.assign(n, -1.0);
-  for (std::size_t k = 0; k < free_.size(); ++k) column_[free_[k]] = static_cast<double>(before + k);
-  network_.exchange().fetch(column_.data());
+  std::vector<double> column(n, -1.0);
+  for (std::size_t k = 0; k < free_.size(); ++k) column[free_[k]] = static_cast<double>(before + k);
+  network_.exchange().fetch(column.data());
+  column_.assign(column.begin(), column.end());
 }
 
-void PoreFlow::assemble(const Conditions& conditions, double dt, double reference, Rows& rows) {
+Rows PoreFlow::assemble(const Conditions& conditions, double dt, double reference) {
   const Mesh& mesh = network_.mesh();
   const std::size_t n = network_.pores();
   const PoreExchange& exchange = network_.exchange();
   std::vector<double> pressure(conditions.pressure, conditions.pressure + n);
   exchange.fetch(pressure.data());
-  rows.diagonal.assign(n, 0.0);
-  rows.right.assign(n, 0.0);
-  rows.terms.assign(n, 0.0);
-  rows.value.assign(n, {});
-  rows.column.assign(n, {});
-  rows.filled.assign(n, 0);
+  Rows rows(free_.size(), first_row_);
+  const auto own = static_cast<PetscInt>(free_.size());
   int ranks = 1;
   MPI_Comm_size(comm_, &ranks);
   std::vector<std::vector<RemoteSide>> remote(ranks);
@@ -124,26 +120,30 @@ void PoreFlow::assemble(const Conditions& conditions, double dt, double referenc
     const double c = throats_.conductance[t];
     if (c == 0.0) continue;
     const std::int32_t left = mesh.facet.left[throats_.facet[t]], right = mesh.facet.right[throats_.facet[t]];
-    for (const auto& [pore, other, head] :
-         {std::tuple{left, right, throats_.head[t]}, std::tuple{right, left, -throats_.head[t]}}) {
-      if (fixed_[pore] != 0.0) continue;
-      if (network_.owned()[pore]) rows.couple(pore, c, head, column_[other], pressure[other], reference);
-      else
-        remote[exchange.owner_rank(pore)].push_back(
-            {exchange.owner_index(pore), 0, c, head, column_[other], pressure[other]});
-    }
+    const auto add = [&](std::int32_t pore, std::int32_t other, double head) {
+      if (column_[pore] < 0) return;
+      const PetscInt row = column_[pore] - first_row_;
+      if (row >= 0 && row < own) rows.couple(row, c, head, column_[other], pressure[other], reference);
+      else remote[exchange.owner_rank(pore)].push_back({column_[pore], column_[other], c, head, pressure[other]});
+    };
+    const double head = throats_.head_of(t);
+    add(left, right, head);
+    add(right, left, -head);
   }
-  for (const RemoteSide& s : deliver(comm_, remote))
-    rows.couple(s.pore, s.conductance, s.head, s.column, s.pressure, reference);
-  for (const std::int32_t c : free_) {
-    rows.right[c] += conditions.source[c] - conditions.volume_rate[c];
-    rows.terms[c] += std::abs(conditions.source[c]) + std::abs(conditions.volume_rate[c]);
+  if (ranks > 1)
+    for (const RemoteSide& s : deliver(comm_, remote))
+      rows.couple(s.row - first_row_, s.conductance, s.head, s.column, s.pressure, reference);
+  for (std::size_t k = 0; k < free_.size(); ++k) {
+    const std::int32_t c = free_[k];
+    rows.right[k] += conditions.source[c] - conditions.volume_rate[c];
+    rows.terms[k] += std::abs(conditions.source[c]) + std::abs(conditions.volume_rate[c]);
     if (dt > 0.0) {
-      rows.diagonal[c] += storage_[c] / dt;
-      rows.right[c] += storage_[c] / dt * (pressure[c] - reference);
-      rows.terms[c] += storage_[c] / dt * std::abs(pressure[c]);
+      rows.diagonal(k) += storage_[c] / dt;
+      rows.right[k] += storage_[c] / dt * (pressure[c] - reference);
+      rows.terms[k] += storage_[c] / dt * std::abs(pressure[c]);
     }
   }
+  return rows;
 }
 
 }  // namespace poreslip::flow

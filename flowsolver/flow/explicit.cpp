@@ -19,7 +19,7 @@ void PoreFlow::outflow(const double* pressure, double* flow) {
   std::fill_n(flow, network_.pores(), 0.0);
   for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
     const std::int32_t left = mesh.facet.left[throats_.facet[t]], right = mesh.facet.right[throats_.facet[t]];
-    const double q = throats_.conductance[t] * (pressure[left] - pressure[right] + throats_.head[t]);
+    const double q = throats_.conductance[t] * (pressure[left] - pressure[right] + throats_.head_of(t));
     flow[left] += q;
     flow[right] -= q;
   }

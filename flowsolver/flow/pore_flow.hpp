@@ -1,13 +1,12 @@
 // Flow through a pore network on PETSc: equations (7)-(13). Steady, implicit and explicit.
 #pragma once
 
-#include <petscksp.h>
-
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "flow/conductance.hpp"
+#include "flow/linear_solver.hpp"
 #include "network/pore_network.hpp"
 
 namespace poreslip::flow {
@@ -36,7 +35,6 @@ class PoreFlow {
  public:
   // options: PETSc options as on a command line; those of the linear solver have the prefix -flow_.
   PoreFlow(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter, const std::string& options);
-  ~PoreFlow();
   PoreFlow(const PoreFlow&) = delete;
   PoreFlow& operator=(const PoreFlow&) = delete;
 
@@ -63,13 +61,12 @@ class PoreFlow {
   std::int64_t limited_pores() const { return limited_pores_; }
 
  private:
-  struct Rows;
   void number(const bool* fixed, bool stored);
   void fix_cut_off();
   double given_mean(const Conditions& conditions) const;
   double sealed_mean(const Conditions& conditions, bool stored, double dt) const;
-  void assemble(const Conditions& conditions, double dt, double reference, Rows& rows);
-  void free_petsc();
+  Rows assemble(const Conditions& conditions, double dt, double reference);
+  void follow_mesh();
 
   PoreNetwork& network_;
   Fluid fluid_;
@@ -82,18 +79,15 @@ class PoreFlow {
 
   std::vector<double> fixed_;        // 1 where the pressure is given, at copies too
   std::int64_t cut_off_ = 0;         // owned pores that nothing determines, over all ranks
-  std::vector<double> column_;       // global number of each local pore, -1 where fixed
+  std::vector<PetscInt> column_;     // global number of each local pore, -1 where fixed
   std::vector<std::int32_t> free_;   // owned pores that are unknowns
   PetscInt first_row_ = 0, all_rows_ = 0;
 
-  Mat matrix_ = nullptr;
-  KSP solver_ = nullptr;
-  Vec right_ = nullptr, solution_ = nullptr;
+  LinearSolver solver_;
   std::int64_t matrix_mesh_ = -1;
   std::vector<double> matrix_fixed_;
-  PetscInt most_iterations_ = 0;     // the user's, or PETSc's
-  int iterations_at_setup_ = 0;
-  bool preconditioner_stale_ = true;
+  std::int64_t mesh_followed_ = -1;
+  std::vector<PetscInt> row_at_setup_;  // of each local pore when the preconditioner was set up, -1: none; empty: unrelated
 };
 
 }  // namespace poreslip::flow

@@ -1,0 +1,244 @@
+#include "flow/linear_solver.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include "flow/petsc_check.hpp"
+#include "flow/sum.hpp"
+#include "tessellation/agreement.hpp"
+
+namespace poreslip::flow {
+namespace {
+
+// The preconditioner at hand is kept while a solve takes no more than this share (and two) more iterations than its first.
+constexpr double kept_share = 1.5;
+constexpr int kept_extra = 2;
+
+// It is carried over to a system of which at most one row in so many is new.
+constexpr std::int64_t carried_one_in = 50;
+
+// The tuned multigrid, unless the user's options say otherwise.
+constexpr std::array<std::array<const char*, 2>, 11> default_options{{
+    {"-flow_ksp_type", "cg"},
+    {"-flow_ksp_norm_type", "unpreconditioned"},
+    {"-flow_pc_type", "hypre"},
+    {"-flow_pc_hypre_type", "boomeramg"},
+    {"-flow_pc_hypre_boomeramg_coarsen_type", "PMIS"},
+    {"-flow_pc_hypre_boomeramg_interp_type", "ext+i"},
+    {"-flow_pc_hypre_boomeramg_P_max", "4"},
+    {"-flow_pc_hypre_boomeramg_strong_threshold", "0.5"},
+    {"-flow_pc_hypre_boomeramg_agg_nl", "1"},
+    // Relaxing coarse and fine points in turn takes each sweep twice through the matrix and saves no iteration.
+    {"-flow_pc_hypre_boomeramg_no_CF", "1"},
+    // Elimination on the coarsest level fails where only differences of pressure are determined.
+    {"-flow_pc_hypre_boomeramg_relax_type_coarse", "symmetric-SOR/Jacobi"},
+}};
+
+void start_petsc(const std::string& options) {
+  PetscBool started = PETSC_FALSE;
+  check(PetscInitialized(&started));
+  if (!started) {
+    check(PetscInitializeNoArguments());
+    // The host program keeps its own signal handlers.
+    check(PetscPopSignalHandler());
+  }
+  check(PetscPushErrorHandler(PetscReturnErrorHandler, nullptr));
+  check(PetscOptionsInsertString(nullptr, options.c_str()));
+  for (const auto& [name, value] : default_options) {
+    PetscBool given = PETSC_FALSE;
+    check(PetscOptionsHasName(nullptr, nullptr, name, &given));
+    if (!given) check(PetscOptionsSetValue(nullptr, name, value));
+  }
+}
+
+double elapsed(double since) { return MPI_Wtime() - since; }
+
+void fill(Vec vector, const std::vector<double>& value) {
+  PetscScalar* v = nullptr;
+  check(VecGetArrayWrite(vector, &v));
+  std::copy(value.begin(), value.end(), v);
+  check(VecRestoreArrayWrite(vector, &v));
+}
+
+// On one rank the matrix is made of the arrays as they are; they live as long as it does.
+struct MatrixArrays {
+  std::vector<PetscInt> start, column;
+  std::vector<PetscScalar> value;
+};
+
+Mat matrix_of(MPI_Comm comm, MatrixArrays* arrays) {
+  Mat matrix = nullptr;
+  PetscContainer container = nullptr;
+  const auto rows = static_cast<PetscInt>(arrays->start.size() - 1);
+  check(PetscContainerCreate(comm, &container));
+  check(PetscContainerSetPointer(container, arrays));
+  check(PetscContainerSetUserDestroy(container, [](void* p) -> PetscErrorCode {
+    delete static_cast<MatrixArrays*>(p);
+    return 0;
+  }));
+  check(MatCreateSeqAIJWithArrays(comm, rows, rows, arrays->start.data(), arrays->column.data(), arrays->value.data(), &matrix));
+  check(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), "arrays", reinterpret_cast<PetscObject>(container)));
+  check(PetscContainerDestroy(&container));
+  return matrix;
+}
+
+}  // namespace
+
+LinearSolver::LinearSolver(MPI_Comm comm, const std::string& options) : comm_(comm) { start_petsc(options); }
+
+LinearSolver::~LinearSolver() {
+  PetscBool finalized = PETSC_FALSE;
+  PetscFinalized(&finalized);
+  if (finalized) return;
+  carried_.reset();
+  free_system();
+  PCDestroy(&multigrid_);
+  VecDestroy(&multigrid_like_);
+}
+
+void LinearSolver::free_system() {
+  KSPDestroy(&solver_);
+  MatDestroy(&matrix_);
+  VecDestroy(&right_);
+  VecDestroy(&solution_);
+}
+
+void LinearSolver::make(Rows& rows, std::vector<PetscInt> start, const SystemShape& shape) {
+  carried_.reset();
+  free_system();
+  const auto local = static_cast<PetscInt>(rows.size());
+  int ranks = 1;
+  MPI_Comm_size(comm_, &ranks);
+  if (ranks == 1) {
+    matrix_ = matrix_of(comm_, new MatrixArrays{std::move(start), std::move(rows.column), std::move(rows.value)});
+  } else {
+    check(MatCreate(comm_, &matrix_));
+    check(MatSetSizes(matrix_, local, local, shape.all_rows, shape.all_rows));
+    check(MatSetType(matrix_, MATMPIAIJ));
+    check(MatMPIAIJSetPreallocationCSR(matrix_, start.data(), rows.column.data(), rows.value.data()));
+  }
+  check(VecCreateMPI(comm_, local, shape.all_rows, &right_));
+  check(VecDuplicate(right_, &solution_));
+  check(KSPCreate(comm_, &solver_));
+  check(KSPSetOptionsPrefix(solver_, "flow_"));
+  check(KSPSetFromOptions(solver_));
+  check(KSPSetInitialGuessNonzero(solver_, PETSC_TRUE));
+  check(KSPGetTolerances(solver_, nullptr, nullptr, nullptr, &most_iterations_));
+}
+
+// Whether, and how, the preconditioner at hand can be used for a system of another structure.
+void LinearSolver::relate(const std::vector<PetscInt>& row_before) {
+  std::int64_t rows[2] = {static_cast<std::int64_t>(row_before.size()),
+                          std::count(row_before.begin(), row_before.end(), PetscInt{-1})};
+  PetscInt local = 0;
+  check(VecGetLocalSize(right_, &local));
+  const bool unrelated = row_before.size() != static_cast<std::size_t>(local);
+  MPI_Allreduce(MPI_IN_PLACE, rows, 2, MPI_INT64_T, MPI_SUM, comm_);
+  if (stale_ || !multigrid_ || any_rank(comm_, unrelated) || rows[1] * carried_one_in > rows[0]) {
+    stale_ = true;
+    return;
+  }
+  carried_ = std::make_unique<CarriedPreconditioner>(solver_, matrix_, multigrid_, multigrid_like_, row_before);
+}
+
+void LinearSolver::take(Rows& rows, const SystemShape& shape, const std::vector<PetscInt>& row_before) {
+  const bool same = matrix_ && shape.same_structure;
+  std::vector<PetscInt> start = rows.compress();
+  if (same) {
+    PetscBool serial = PETSC_FALSE;
+    check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix_), MATSEQAIJ, &serial));
+    if (serial) {
+      PetscScalar* value = nullptr;
+      check(MatSeqAIJGetArrayWrite(matrix_, &value));
+      std::copy(rows.value.begin(), rows.value.end(), value);
+      check(MatSeqAIJRestoreArrayWrite(matrix_, &value));
+    } else {
+      check(MatUpdateMPIAIJWithArray(matrix_, rows.value.data()));
+    }
+  } else {
+    make(rows, std::move(start), shape);
+  }
+  check(MatSetOption(matrix_, MAT_SPD, shape.singular ? PETSC_FALSE : PETSC_TRUE));
+  MatNullSpace null_space = nullptr;
+  if (shape.singular) check(MatNullSpaceCreate(comm_, PETSC_TRUE, 0, nullptr, &null_space));
+  check(MatSetNullSpace(matrix_, null_space));
+  fill(right_, rows.right);
+  if (shape.singular) check(MatNullSpaceRemove(null_space, right_));
+  check(MatNullSpaceDestroy(&null_space));
+  // The multigrid needs the memory more than these do.
+  rows = Rows(0, 0);
+  if (!same) relate(row_before);
+}
+
+LinearReport LinearSolver::solve(double relative_tolerance, double least_residual, std::vector<double>& unknown) {
+  LinearReport report;
+  double clock = MPI_Wtime();
+  check(KSPSetOperators(solver_, matrix_, matrix_));
+  report.setup = elapsed(clock);
+  for (bool again = true; again;) {
+    clock = MPI_Wtime();
+    const bool kept = !stale_;
+    if (!kept && carried_) {
+      // The solver's own preconditioner in place of the one that was carried over.
+      carried_.reset();
+      check(KSPDestroy(&solver_));
+      check(KSPCreate(comm_, &solver_));
+      check(KSPSetOptionsPrefix(solver_, "flow_"));
+      check(KSPSetFromOptions(solver_));
+      check(KSPSetInitialGuessNonzero(solver_, PETSC_TRUE));
+      check(KSPSetOperators(solver_, matrix_, matrix_));
+    }
+    if (!kept) {
+      PCDestroy(&multigrid_);
+      VecDestroy(&multigrid_like_);
+    }
+    // A preconditioner that serves no longer gets little time. The start may be far off a small right side, as where given
+    // pressures drop to 0: that is no divergence.
+    check(KSPSetTolerances(solver_, relative_tolerance, least_residual, PETSC_MAX_REAL,
+                           kept ? std::min(most_iterations_, 3 * iterations_at_setup_ + 20) : most_iterations_));
+    check(KSPSetReusePreconditioner(solver_, kept ? PETSC_TRUE : PETSC_FALSE));
+    check(KSPSetUp(solver_));
+    report.setup += elapsed(clock);
+
+    clock = MPI_Wtime();
+    fill(solution_, unknown);
+    check(KSPSolve(solver_, right_, solution_));
+    PetscInt iterations = 0;
+    PetscReal residual = 0.0;
+    check(KSPGetConvergedReason(solver_, &report.reason));
+    check(KSPGetIterationNumber(solver_, &iterations));
+    check(KSPGetResidualNorm(solver_, &residual));
+    report.iterations += static_cast<int>(iterations);
+    report.residual = residual;
+    report.preconditioner_kept = kept;
+    report.solve += elapsed(clock);
+    if (!kept) {
+      iterations_at_setup_ = static_cast<int>(iterations);
+      check(KSPGetPC(solver_, &multigrid_));
+      check(PetscObjectReference(reinterpret_cast<PetscObject>(multigrid_)));
+      check(VecDuplicate(right_, &multigrid_like_));
+    }
+    stale_ = report.reason <= 0 || iterations > kept_share * iterations_at_setup_ + kept_extra;
+    again = kept && report.reason <= 0;
+  }
+  const PetscScalar* found = nullptr;
+  check(VecGetArrayRead(solution_, &found));
+  std::copy_n(found, unknown.size(), unknown.begin());
+  check(VecRestoreArrayRead(solution_, &found));
+  return report;
+}
+
+std::pair<PetscReal, PetscInt> LinearSolver::worst_row() const {
+  Vec imbalance = nullptr;
+  PetscInt worst = 0;
+  PetscReal largest = 0.0;
+  check(VecDuplicate(right_, &imbalance));
+  check(KSPBuildResidual(solver_, nullptr, imbalance, &imbalance));
+  check(VecAbs(imbalance));
+  check(VecMax(imbalance, &worst, &largest));
+  check(VecDestroy(&imbalance));
+  return {largest, worst};
+}
+
+}  // namespace poreslip::flow
