@@ -7,7 +7,7 @@
 namespace poreslip::flow {
 
 CarriedPreconditioner::CarriedPreconditioner(KSP solver, Mat matrix, PC earlier, Vec earlier_like,
-                                             const std::vector<PetscInt>& row_before)
+                                             const std::vector<PetscInt>& row_before, const std::vector<PetscInt>& changed)
     : earlier_(earlier), row_before_(row_before) {
   check(PetscObjectReference(reinterpret_cast<PetscObject>(earlier_)));
   check(PCSetReusePreconditioner(earlier_, PETSC_TRUE));
@@ -15,7 +15,9 @@ CarriedPreconditioner::CarriedPreconditioner(KSP solver, Mat matrix, PC earlier,
   check(VecDuplicate(earlier_like, &solution_));
   // Rows that have not been there before hold nothing of the residual.
   check(VecSet(right_, 0.0));
-  make_local_solver(matrix);
+  Mat own = nullptr;
+  check(MatGetDiagonalBlock(matrix, &own));
+  make_local_solver(own, changed);
   PC shell;
   check(PCCreate(PetscObjectComm(reinterpret_cast<PetscObject>(matrix)), &shell));
   check(PCSetType(shell, PCSHELL));
@@ -39,15 +41,11 @@ CarriedPreconditioner::~CarriedPreconditioner() {
 }
 
 // Cholesky's factor of the rows that changed; the changes lie apart, so that there is little fill.
-void CarriedPreconditioner::make_local_solver(Mat matrix) {
-  Mat own = nullptr, part = nullptr;
-  check(MatGetDiagonalBlock(matrix, &own));
-  std::vector<PetscInt> fresh;
-  for (std::size_t k = 0; k < row_before_.size(); ++k)
-    if (row_before_[k] < 0) fresh.push_back(static_cast<PetscInt>(k));
-  for (const PetscInt row : fresh) {
-    PetscInt count = 0;
-    const PetscInt* columns = nullptr;
+void CarriedPreconditioner::make_local_solver(Mat own, const std::vector<PetscInt>& changed) {
+  PetscInt count = 0;
+  const PetscInt* columns = nullptr;
+  const PetscScalar* values = nullptr;
+  for (const PetscInt row : changed) {
     check(MatGetRow(own, row, &count, &columns, nullptr));
     changed_.insert(changed_.end(), columns, columns + count);
     check(MatRestoreRow(own, row, &count, &columns, nullptr));
@@ -55,8 +53,19 @@ void CarriedPreconditioner::make_local_solver(Mat matrix) {
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
   if (changed_.empty()) return;
+  start_.push_back(0);
+  for (const PetscInt row : changed_) {
+    check(MatGetRow(own, row, &count, &columns, &values));
+    column_.insert(column_.end(), columns, columns + count);
+    value_.insert(value_.end(), values, values + count);
+    start_.push_back(static_cast<PetscInt>(column_.size()));
+    check(MatRestoreRow(own, row, &count, &columns, &values));
+  }
+  remaining_.resize(row_before_.size());
+  correction_.resize(changed_.size());
   MPI_Comm comm = PetscObjectComm(reinterpret_cast<PetscObject>(own));
   IS rows = nullptr;
+  Mat part = nullptr;
   check(ISCreateGeneral(comm, static_cast<PetscInt>(changed_.size()), changed_.data(), PETSC_USE_POINTER, &rows));
   check(MatCreateSubMatrix(own, rows, rows, MAT_INITIAL_MATRIX, &part));
   check(ISDestroy(&rows));
@@ -72,39 +81,59 @@ void CarriedPreconditioner::make_local_solver(Mat matrix) {
   check(MatDestroy(&part));
 }
 
+// correction_ = what solves the rows that changed for their right side, with zero elsewhere.
+void CarriedPreconditioner::solve_locally(const PetscScalar* right) {
+  PetscScalar* local = nullptr;
+  check(VecGetArrayWrite(local_right_, &local));
+  for (std::size_t k = 0; k < changed_.size(); ++k) local[k] = right[changed_[k]];
+  check(VecRestoreArrayWrite(local_right_, &local));
+  check(KSPSolve(local_, local_right_, local_solution_));
+  const PetscScalar* found = nullptr;
+  check(VecGetArrayRead(local_solution_, &found));
+  std::copy_n(found, correction_.size(), correction_.begin());
+  check(VecRestoreArrayRead(local_solution_, &found));
+}
+
 PetscErrorCode CarriedPreconditioner::apply(PC preconditioner, Vec residual, Vec correction) {
   CarriedPreconditioner* self = nullptr;
   PetscFunctionBegin;
   PetscCall(PCShellGetContext(preconditioner, &self));
   const auto& before = self->row_before_;
-  const PetscScalar* r = nullptr;
-  PetscScalar* inner = nullptr;
-  PetscCall(VecGetArrayRead(residual, &r));
+  const auto& changed = self->changed_;
+  const PetscScalar *given = nullptr, *found = nullptr;
+  PetscScalar *inner = nullptr, *c = nullptr;
+  PetscCall(VecGetArrayRead(residual, &given));
+  const PetscScalar* r = given;
+  if (!changed.empty()) {
+    self->solve_locally(given);
+    std::copy_n(given, before.size(), self->remaining_.begin());
+    // By symmetry the rows at hand are the columns too.
+    for (std::size_t k = 0; k < changed.size(); ++k)
+      for (PetscInt e = self->start_[k]; e < self->start_[k + 1]; ++e)
+        self->remaining_[self->column_[e]] -= self->value_[e] * self->correction_[k];
+    r = self->remaining_.data();
+  }
   PetscCall(VecGetArray(self->right_, &inner));
   for (std::size_t k = 0; k < before.size(); ++k)
     if (before[k] >= 0) inner[before[k]] = r[k];
   PetscCall(VecRestoreArray(self->right_, &inner));
   PetscCall(PCApply(self->earlier_, self->right_, self->solution_));
-
-  PetscScalar* c = nullptr;
-  const PetscScalar* found = nullptr;
   PetscCall(VecGetArray(correction, &c));
   PetscCall(VecGetArrayRead(self->solution_, &found));
   for (std::size_t k = 0; k < before.size(); ++k) c[k] = before[k] >= 0 ? found[before[k]] : 0.0;
   PetscCall(VecRestoreArrayRead(self->solution_, &found));
-  if (self->local_) {
-    PetscScalar* local = nullptr;
-    PetscCall(VecGetArray(self->local_right_, &local));
-    for (std::size_t k = 0; k < self->changed_.size(); ++k) local[k] = r[self->changed_[k]];
-    PetscCall(VecRestoreArray(self->local_right_, &local));
-    PetscCall(KSPSolve(self->local_, self->local_right_, self->local_solution_));
-    const PetscScalar* part = nullptr;
-    PetscCall(VecGetArrayRead(self->local_solution_, &part));
-    for (std::size_t k = 0; k < self->changed_.size(); ++k) c[self->changed_[k]] += part[k];
-    PetscCall(VecRestoreArrayRead(self->local_solution_, &part));
+  if (!changed.empty()) {
+    // What this leaves of the residual at the rows that changed.
+    for (std::size_t k = 0; k < changed.size(); ++k) c[changed[k]] += self->correction_[k];
+    for (const PetscInt row : changed) self->remaining_[row] = given[row];
+    for (std::size_t k = 0; k < changed.size(); ++k)
+      for (PetscInt e = self->start_[k]; e < self->start_[k + 1]; ++e)
+        self->remaining_[changed[k]] -= self->value_[e] * c[self->column_[e]];
+    self->solve_locally(self->remaining_.data());
+    for (std::size_t k = 0; k < changed.size(); ++k) c[changed[k]] += self->correction_[k];
   }
   PetscCall(VecRestoreArray(correction, &c));
-  PetscCall(VecRestoreArrayRead(residual, &r));
+  PetscCall(VecRestoreArrayRead(residual, &given));
   PetscFunctionReturn(0);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "flow/petsc_check.hpp"
@@ -15,8 +16,9 @@ namespace {
 constexpr double kept_share = 1.5;
 constexpr int kept_extra = 2;
 
-// It is carried over to a system of which at most one row in so many is new.
+// It is carried over to a system of which at most one row in so many is new, or has a diagonal changed by more than this share.
 constexpr std::int64_t carried_one_in = 50;
+constexpr double changed_share = 0.2;
 
 // The tuned multigrid, unless the user's options say otherwise.
 constexpr std::array<std::array<const char*, 2>, 11> default_options{{
@@ -129,21 +131,29 @@ void LinearSolver::make(Rows& rows, std::vector<PetscInt> start, const SystemSha
 
 // Whether, and how, the preconditioner at hand can be used for a system of another structure.
 void LinearSolver::relate(const std::vector<PetscInt>& row_before) {
-  std::int64_t rows[2] = {static_cast<std::int64_t>(row_before.size()),
-                          std::count(row_before.begin(), row_before.end(), PetscInt{-1})};
-  PetscInt local = 0;
-  check(VecGetLocalSize(right_, &local));
-  const bool unrelated = row_before.size() != static_cast<std::size_t>(local);
-  MPI_Allreduce(MPI_IN_PLACE, rows, 2, MPI_INT64_T, MPI_SUM, comm_);
-  if (stale_ || !multigrid_ || any_rank(comm_, unrelated) || rows[1] * carried_one_in > rows[0]) {
+  const bool unrelated = stale_ || !multigrid_ || row_before.size() != diagonal_.size();
+  if (any_rank(comm_, unrelated)) {
     stale_ = true;
     return;
   }
-  carried_ = std::make_unique<CarriedPreconditioner>(solver_, matrix_, multigrid_, multigrid_like_, row_before);
+  std::vector<PetscInt> changed;
+  for (std::size_t k = 0; k < diagonal_.size(); ++k) {
+    const double earlier = row_before[k] < 0 ? 0.0 : multigrid_diagonal_[row_before[k]];
+    if (std::abs(diagonal_[k] - earlier) > changed_share * earlier) changed.push_back(static_cast<PetscInt>(k));
+  }
+  std::int64_t rows[2] = {static_cast<std::int64_t>(diagonal_.size()), static_cast<std::int64_t>(changed.size())};
+  MPI_Allreduce(MPI_IN_PLACE, rows, 2, MPI_INT64_T, MPI_SUM, comm_);
+  if (rows[1] * carried_one_in > rows[0]) {
+    stale_ = true;
+    return;
+  }
+  carried_ = std::make_unique<CarriedPreconditioner>(solver_, matrix_, multigrid_, multigrid_like_, row_before, changed);
 }
 
 void LinearSolver::take(Rows& rows, const SystemShape& shape, const std::vector<PetscInt>& row_before) {
   const bool same = matrix_ && shape.same_structure;
+  diagonal_.resize(rows.size());
+  for (std::size_t k = 0; k < rows.size(); ++k) diagonal_[k] = rows.diagonal(k);
   std::vector<PetscInt> start = rows.compress();
   if (same) {
     PetscBool serial = PETSC_FALSE;
@@ -218,6 +228,7 @@ LinearReport LinearSolver::solve(double relative_tolerance, double least_residua
       check(KSPGetPC(solver_, &multigrid_));
       check(PetscObjectReference(reinterpret_cast<PetscObject>(multigrid_)));
       check(VecDuplicate(right_, &multigrid_like_));
+      multigrid_diagonal_ = diagonal_;
     }
     stale_ = report.reason <= 0 || iterations > kept_share * iterations_at_setup_ + kept_extra;
     again = kept && report.reason <= 0;

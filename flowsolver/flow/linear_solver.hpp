@@ -57,9 +57,11 @@ class LinearSolver {
   Mat matrix_ = nullptr;
   KSP solver_ = nullptr;
   Vec right_ = nullptr, solution_ = nullptr;
+  std::vector<double> diagonal_;          // of this rank's rows
   PetscInt most_iterations_ = 0;          // the user's, or PETSc's
   PC multigrid_ = nullptr;                // the preconditioner last set up for a system of its own,
   Vec multigrid_like_ = nullptr;          // and a vector of that system
+  std::vector<double> multigrid_diagonal_;  // of that system, this rank's rows
   std::unique_ptr<CarriedPreconditioner> carried_;
   int iterations_at_setup_ = 0;
   bool stale_ = true;
