@@ -1,7 +1,8 @@
-"""consolidation: two-way consolidation of a saturated pack, error against CPU time by the steps between two solves. Prints a table.
+"""consolidation: two-way consolidation of a saturated pack, error against CPU time by split and steps between two solves. Prints a table.
 
     .venv/bin/python benchmarks/consolidation/run.py                     # 8000 grains, some minutes
     .venv/bin/python benchmarks/consolidation/run.py --side 0.02         # 1200 grains
+    .venv/bin/python benchmarks/consolidation/run.py --rows undrained:10 predicted:100
 
 The load on top of a pack is raised and drains through the top (cases/consolidation). Errors are of the settlement, as a share of what
 drainage settles after the load's rise: rms against Terzaghi's solution, with stiffness and permeability measured on the same pack, and rms
@@ -30,6 +31,7 @@ from postproc.references import terzaghi  # noqa: E402
 PEER = 0.21
 SIDE = 0.038
 VISCOSITY, TIME_FRACTION = 5.0, 0.35
+ROWS = ("undrained:10", "undrained:20", "undrained:50", "undrained:100", "predicted:50", "predicted:100", "predicted:200")
 
 
 def run(case: str, name: str, out: Path, settings: dict[str, object]) -> Path:
@@ -42,17 +44,26 @@ def run(case: str, name: str, out: Path, settings: dict[str, object]) -> Path:
     return out / case / name
 
 
-def cost(directory: Path) -> tuple[dict[str, float], float, int]:
-    """CPU seconds by phase of the loading, grains times steps, and steps."""
+#: What is counted: columns, and the phases of a report that each sums up.
+COLUMNS = {"engine": ("engine",), "forces": ("forces", "exchange"), "mesh": ("tessellation", "geometry"), "solve": ("assembly", "solve", "flow")}
+
+
+def cost(directory: Path) -> tuple[list[float], int, int]:
+    """CPU seconds of the loading by COLUMNS; grains, and steps."""
     report = json.loads((directory / "report.json").read_text())
-    spent = {name: phase["cpu_s"] for name, phase in report["cpu_s_by_phase_and_rank"][0].items() if name not in ("stages", "measures", "output")}
-    return spent, report["grains"] * report["last"]["step"], report["last"]["step"]
+    spent = report["cpu_s_by_phase_and_rank"][0]
+    return [sum(spent[name]["cpu_s"] for name in names if name in spent) for names in COLUMNS.values()], report["grains"], report["last"]["step"]
+
+
+def split_and_interval(text: str) -> tuple[str, int]:
+    split, _, interval = text.partition(":")
+    return split, int(interval)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--side", type=float, default=SIDE, help="of the box, m")
-    parser.add_argument("--intervals", type=int, nargs="+", default=[10, 20, 50, 100, 200], help="steps between two solves")
+    parser.add_argument("--rows", type=split_and_interval, nargs="+", default=[split_and_interval(row) for row in ROWS], metavar="SPLIT:INTERVAL")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "benchmark-consolidation")
     a = parser.parse_args()
     scale = a.side / SIDE
@@ -61,26 +72,26 @@ def main() -> None:
     load = common | {"sample.ramp_time_s": 3e-5 * scale, "sample.loading_time_s": 4e-4 * scale}
     dry = run("consolidation", "dry", a.out, load)
     darcy = run("darcy", "run", a.out, {"pack.box_m": [a.side] * 3, "sample.loading_time_s": 1e-5 * scale**2})
-    spent, work, steps = cost(dry)
-    dry_step = sum(spent.values()) / steps
-    print(f"{work // steps} grains, {steps} steps; CPU seconds\n")
-    print(f"{'interval':>8} {'to Terzaghi':>12} {'to first':>9} {'engine':>7} {'mesh':>6} {'solves':>7} {'total':>7} {'over dry':>9} {'M grain-steps/s':>16} {'over peer':>10}")
-    print(f"{'dry':>8} {'':>12} {'':>9} {spent['engine']:7.1f} {'':>6} {'':>7} {spent['engine']:7.1f} {1.0:9.2f} {work / sum(spent.values()) / 1e6:16.2f}")
+    alone, grains, steps = cost(dry)
+    print(f"{grains} grains, {steps} steps; CPU seconds\n")
+    print(f"{'':>15} {'to Terzaghi':>12} {'to first':>9}" + "".join(f"{name:>8}" for name in COLUMNS) + f"{'total':>8} {'over dry':>9} {'M grain-steps/s':>16} {'over peer':>10}")
+
+    def line(name: str, errors: str, spent: list[float]) -> None:
+        total = sum(spent)
+        rate = grains * steps / total / 1e6
+        print(f"{name:>15} {errors:>22}" + "".join(f"{s:8.1f}" for s in spent) + f"{total:8.1f} {total / sum(alone):9.2f} {rate:16.2f} {rate / PEER:10.1f}", flush=True)
+
+    line("dry", "", alone)
     first = None
-    for interval in a.intervals:
-        lines = {"output.history_interval_steps": int(np.lcm.reduce(a.intervals))}
-        wet = run("consolidation", "two_way", a.out / str(interval), load | lines | {"flow.interval_steps": interval})
+    for split, interval in a.rows:
+        lines = {"output.history_interval_steps": interval * max(1, 200 // interval)}
+        wet = run("consolidation", "two_way", a.out / f"{split}-{interval}", load | lines | {"flow.split": split, "flow.interval_steps": interval})
         files = ResultFiles(wet, {"dry": dry, "darcy": darcy})
         settled = consolidation(files)
-        first = settled.value if first is None else first
-        errors = [np.sqrt(((settled.value - exact) ** 2).mean()) for exact in (terzaghi(files, settled), first)]
-        spent, work, steps = cost(wet)
-        total = sum(spent.values())
-        print(
-            f"{interval:8d} {errors[0]:12.4f} {errors[1]:9.4f} {spent['engine']:7.1f} {spent['tessellation']:6.1f} {spent['flow'] + spent['forces']:7.1f} {total:7.1f} "
-            f"{total / steps / dry_step:9.2f} {work / total / 1e6:16.2f} {work / total / 1e6 / PEER:10.1f}",
-            flush=True,
-        )
+        first = first or settled
+        against = (terzaghi(files, settled), np.interp(settled.abscissa, first.abscissa, first.value))
+        errors = [np.sqrt(((settled.value - other) ** 2).mean()) for other in against]
+        line(f"{split} {interval}", f"{errors[0]:12.4f} {errors[1]:9.4f}", cost(wet)[0])
 
 
 if __name__ == "__main__":
