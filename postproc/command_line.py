@@ -22,7 +22,8 @@ from .figures_curves import onsets_over_packs, slip_histories, strain_rate, stre
 from .figures_forces import displacement_and_chains, force_histograms
 from .figures_scene import scene
 from .results import MeasuredPack, MeasuredVariant, measure
-from .run_sets import find_runs, sort_runs
+from .run_sets import find_members, find_runs, sort_runs
+from .samples import is_sample
 
 
 def parser() -> argparse.ArgumentParser:
@@ -80,20 +81,43 @@ def versions() -> str:
     return f"Python {platform.python_version()}, numpy {numpy.__version__}, matplotlib {matplotlib.__version__}"
 
 
-def make(options: argparse.Namespace, command: str) -> tuple[Path, list[str], list[claims.Finding]]:
-    """Read, measure, draw and write; gives the page's path, warnings and findings."""
-    if not 50 <= options.dpi <= 1200:
-        raise BadOption(f"--dpi {options.dpi}: give a number from 50 to 1200")
-    runs, warnings = find_runs(options.directories)
-    warnings += [warning for run in runs for warning in run.warnings]
-    pairs, single = split_off_pairs(runs)
-    variants = measure(sort_runs(single)) if single else ()
-    packs = [chosen_pack(variant, options.pack) for variant in variants]
+def output_directory(options: argparse.Namespace) -> Path:
+    """Where to write; made if need be."""
     directory = options.out or options.directories[0] / "plots"
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadOption(f"--out {directory}: it cannot be made ({error.strerror}); name another directory") from None
+    return directory
+
+
+def make_any(options: argparse.Namespace, command: str) -> tuple[Path, list[str], list[str]]:
+    """Runs of a fault, or of samples; gives the page's path, warnings, and lines to print."""
+    if not 50 <= options.dpi <= 1200:
+        raise BadOption(f"--dpi {options.dpi}: give a number from 50 to 1200")
+    members, passed_over = find_members(options.directories)
+    samples = [is_sample(member) for member in members]
+    if all(samples):
+        from .sample_page import make as make_samples
+
+        path, warnings, told = make_samples(members, output_directory(options), options.dpi, options.pdf, command, versions())
+        return path, passed_over + warnings, told
+    if any(samples):
+        raise BadOption(f"{members[samples.index(True)]} is a sample without a fault, and {members[samples.index(False)]} is not: name either kind alone")
+    path, warnings, findings = make(options, command)
+    return path, warnings, [
+        f"({finding.claim}) {finding.statement}: {finding.verdict}" + (f" [{variant}]" if variant else "")
+        for variant, chosen in claims.chief(findings).items() for finding in chosen]
+
+
+def make(options: argparse.Namespace, command: str) -> tuple[Path, list[str], list[claims.Finding]]:
+    """Read, measure, draw and write; gives the page's path, warnings and findings."""
+    runs, warnings = find_runs(options.directories)
+    warnings += [warning for run in runs for warning in run.warnings]
+    pairs, single = split_off_pairs(runs)
+    variants = measure(sort_runs(single)) if single else ()
+    packs = [chosen_pack(variant, options.pack) for variant in variants]
+    directory = output_directory(options)
     findings = (findings_of(variants) if variants else []) + pair_findings(pairs)
     scatter, shifts = tables.scatter_table(variants), tables.variant_shifts(variants)
     if variants:
@@ -120,14 +144,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as left:
         return int(left.code or 0)
     try:
-        written, warnings, findings = make(options, "poreslip plot " + shlex.join(argv))
+        written, warnings, told = make_any(options, "poreslip plot " + shlex.join(argv))
     except (RunFileError, BadOption) as error:
         print(f"poreslip plot: {error}", file=sys.stderr)
         return error.exit_status
     for warning in warnings:
         print(f"poreslip plot: warning: {warning}", file=sys.stderr)
-    for variant, chosen in claims.chief(findings).items():
-        for finding in chosen:
-            print(f"({finding.claim}) {finding.statement}: {finding.verdict}" + (f" [{variant}]" if variant else ""))
+    for line in told:
+        print(line)
     print(f"written: {written}")
     return 0

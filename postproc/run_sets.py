@@ -116,9 +116,9 @@ def case_number(run: Run, full_pressure: float) -> int:
     return number
 
 
-def find_runs(directories: Iterable[Path]) -> tuple[list[Run], list[str]]:
-    """Read the runs in `directories`, each a run's or a case's directory; also what had to be passed over."""
-    runs: list[Run] = []
+def find_members(directories: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """Directories of the runs in `directories`, each a run's or a case's directory; also what had to be passed over."""
+    found: list[Path] = []
     passed_over: list[str] = []
     seen: set[Path] = set()
     for directory in directories:
@@ -145,8 +145,14 @@ def find_runs(directories: Iterable[Path]) -> tuple[list[Run], list[str]]:
         for member in members:
             if member.resolve() not in seen:
                 seen.add(member.resolve())
-                runs.append(read_run(member))
-    return runs, passed_over
+                found.append(member)
+    return found, passed_over
+
+
+def find_runs(directories: Iterable[Path]) -> tuple[list[Run], list[str]]:
+    """Read the runs in `directories`, each a run's or a case's directory; also what had to be passed over."""
+    members, passed_over = find_members(directories)
+    return [read_run(member) for member in members], passed_over
 
 
 def label_of(own: dict[str, str], alternatives: Sequence[dict[str, str]], only_scene: bool) -> str:

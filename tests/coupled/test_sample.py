@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from sample_runs import CASES, Result, terzaghi
 from tiny_fault import settings
@@ -109,6 +110,24 @@ def test_terzaghi(run, ranks):
     # The servo holds the total stress: the grains take over what the fluid loses.
     np.testing.assert_allclose(history["sigma_z_Pa"][later], 1.1e7, rtol=5e-3)
     assert_balanced(result)
+
+
+def test_plots(run, poreslip, tmp_path):
+    """Curve, slopes and permeability on one page, from the runs' files alone."""
+    two_way = run("consolidation", "two_way", *QUICK)
+    results = [two_way, run("darcy", "run"), *(run("undrained", name) for name in ("uniaxial", "uniaxial_dry", "isotropic", "isotropic_dry"))]
+    done = poreslip("plot", *(result.directory for result in results), "--out", tmp_path / "plots", "--dpi", "60")
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in (tmp_path / "plots").iterdir()} == {
+        "page.html", *(f"{name}.{kind}" for name in ("consolidation", "undrained", "darcy") for kind in ("csv", "png"))}
+    tables = {name: pd.read_csv(tmp_path / "plots" / f"{name}.csv") for name in ("consolidation", "undrained", "darcy")}
+    assert tables["consolidation"]["settlement_rms"].item() < 0.013 and tables["consolidation"]["pressure_rms"].item() < 0.03
+    assert tables["consolidation"]["oedometric_modulus_Pa"].item() == pytest.approx(oedometric_modulus(run), rel=1e-3)
+    assert (tables["undrained"]["difference"].abs() < 0.01).all() and len(tables["undrained"]) == 2
+    assert tables["darcy"]["permeability_m2"].item() == pytest.approx(permeability(run), rel=1e-12)
+    assert "Balances" in (tmp_path / "plots" / "page.html").read_text()
+    alone = poreslip("plot", two_way.directory, "--out", tmp_path / "alone")
+    assert alone.returncode == 2 and "the stiffness is missing" in alone.stderr
 
 
 def test_a_staggered_soft_fluid_gives_the_same(run):
