@@ -150,7 +150,7 @@ def staggered(poreslip, stage_cache, out, interval: int, *overrides: str):
     return poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
 
 
-@pytest.mark.parametrize("restitution", [0.5, 0.9])
+@pytest.mark.parametrize("restitution", [0.5, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_the_staggered_limit(poreslip, stage_cache, tmp_path, restitution):
     """The interval at which the staggered split becomes unstable, by bisection, is within a factor of two of the estimate."""
     overrides = (f"material.restitution={restitution}",)
