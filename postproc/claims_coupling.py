@@ -26,7 +26,7 @@ def pair_findings(pairs: Sequence[Pair]) -> list[Finding]:
             ("i, displacements", "One-way and two-way coupling give the same displacements",
              f"rms difference {100 * share:.3g} % of the rms displacement; largest {100 * last.worst_displacement_share:.3g} % of the largest",
              share, f"rms difference at most {100 * LARGEST_SHARE:g} % at the last snapshot", share <= LARGEST_SHARE),
-            ("i, pressure", "The pressure changes by less than 1 kPa", f"largest change around a grain {change / 1e3:.3g} kPa",
+            ("i, pressure", "The pressure changes by less than 1 kPa", f"largest change around a grain {change / 1e3:.3g} kPa; rms {pair.largest_rms_pressure / 1e3:.2g} kPa",
              change, f"below {LARGEST_CHANGE / 1e3:g} kPa in all snapshots", change < LARGEST_CHANGE),
             ("i, orders", "The pressure change is about four orders below the horizontal stress",
              f"{change / stress:.2g} of {stress / 1e6:.3g} MPa", change / stress, f"at most {FOUR_ORDERS:.2g}", change / stress <= FOUR_ORDERS),

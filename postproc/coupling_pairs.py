@@ -44,6 +44,11 @@ class Difference:
         """Largest size of a change, Pa."""
         return float(np.abs(self.pressure).max())
 
+    @property
+    def rms_pressure(self) -> float:
+        """Pa, over the grains."""
+        return float(np.sqrt((self.pressure**2).mean()))
+
 
 def root_mean_square(vectors: np.ndarray) -> float:
     """Of vectors (N, 3)."""
@@ -83,6 +88,11 @@ class Pair:
     def largest_pressure(self) -> float:
         """Largest pressure change around a grain over all snapshots, Pa."""
         return max(one.largest_pressure for one in self.differences)
+
+    @property
+    def largest_rms_pressure(self) -> float:
+        """Root mean square of the pressure changes over the grains, Pa, where it is largest."""
+        return max(one.rms_pressure for one in self.differences)
 
     def _at(self, row_one: int, row_two: int) -> Difference:
         one, two = read_grains(self.one_way, row_one), read_grains(self.two_way, row_two)

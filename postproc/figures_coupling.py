@@ -64,8 +64,7 @@ def _over_strain(pair: Pair, displacements: plt.Axes, pressures: plt.Axes) -> No
     displacements.semilogy(strain, differs, color="#D55E00", linestyle=(0, (4, 1.2, 1, 1.2)), marker=".", label="difference")
     displacements.set_ylabel(r"rms ($\mu$m)")
     pressures.semilogy(strain, [one.largest_pressure for one in pair.differences], "k-", marker=".", label="largest around a grain")
-    spread = [float(np.sqrt((one.pressure**2).mean())) for one in pair.differences]
-    pressures.semilogy(strain, spread, color="#D55E00", linestyle=(0, (4, 1.2, 1, 1.2)), marker=".", label="rms")
+    pressures.semilogy(strain, [one.rms_pressure for one in pair.differences], color="#D55E00", linestyle=(0, (4, 1.2, 1, 1.2)), marker=".", label="rms")
     pressures.set_ylabel("pressure change (Pa)")
     for axes in (displacements, pressures):
         axes.set_xlabel(r"horizontal strain ($10^{-3}$)")

@@ -106,7 +106,9 @@ def test_a_fault_may_have_any_flow() -> None:
 def test_the_interface_slip_runs_are_pairs() -> None:
     """One-way and two-way with the same inputs, water and a fluid as much thinner as the loading is faster than the paper's."""
     runs = load_case(CASES / "interface_slip" / "interface_slip.toml").runs
-    assert [(run.name, run.flow.two_way) for run in runs] == [("one_way", False), ("two_way", True), ("one_way-slow", False), ("two_way-slow", True)]
-    for one, two in (runs[:2], runs[2:]):
+    assert len(runs) == 8
+    for one, two in zip(runs[::2], runs[1::2]):
+        assert (one.flow.two_way, two.flow.two_way) == (False, True) and two.name == one.name.replace("one_way", "two_way")
         assert replace(two, name=one.name, group=one.group, flow=one.flow) == one
-    assert runs[2].fluid.viscosity_Pa_s * runs[2].loading.strain_rate_per_s == pytest.approx(1e-3 * 7.8e-3, rel=1e-3)
+        slower = 3.83 / 7.8e-3 if "slow" in one.name else 1.0
+        assert one.fluid.viscosity_Pa_s == pytest.approx(1e-3 / slower, rel=1e-3)
