@@ -11,7 +11,7 @@ ENGINE_BYTES_PER_GRAIN = 6.0e3
 NETWORK_BYTES_PER_GRAIN = 4.0e3
 UPDATE_S_PER_GRAIN = 1.0e-6
 #: Two-way coupling: the pressures' answer to a step, and a solve of the flow.
-RESPONSE_S_PER_GRAIN, SOLVE_S_PER_GRAIN = 1.2e-6, 1.0e-5
+RESPONSE_S_PER_GRAIN, SOLVE_S_PER_GRAIN = 7.0e-8, 1.0e-5
 PACKING_STEPS = 15_000
 
 
@@ -54,7 +54,7 @@ def _loading_seconds(run: RunCase) -> float:
         seconds += run.loading_steps / run.flow.interval_steps * run.estimated_grains * UPDATE_S_PER_GRAIN
     if run.flow.kind == "solve":
         seconds += run.loading_steps / run.flow.interval_steps * run.estimated_grains * SOLVE_S_PER_GRAIN
-        if run.flow.two_way and run.flow.split != "staggered":
+        if run.flow.two_way:
             seconds += run.loading_steps * run.estimated_grains * RESPONSE_S_PER_GRAIN
     return seconds
 

@@ -1,4 +1,4 @@
-"""Steady and implicit flow through a pack on however many ranks; the result goes to a file. Run by test_flow_ranks.py.
+"""Steady, implicit and two-way flow through a pack on however many ranks; the result goes to a file. Run by test_flow_ranks.py.
 
 Arguments: pack (npz with x, r), periodic directions (letters), output file.
 """
@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from flowsolver import PoreNetwork
 from flowsolver.flow import Boundary, PoreFlow
+from flowsolver.two_way import TwoWayCoupling
 
 comm = MPI.COMM_WORLD
 pack = np.load(sys.argv[1])
@@ -50,5 +51,25 @@ for _ in range(3):
 take("implicit", stepped)
 if not all(periodic):
     take("explicit", flow.explicit(boundary, steady.pressure, 1e-10, net.volume_rate(velocity)))
+
+# Two-way, from the implicit pressures: nine steps in three intervals, the last of them not yet solved.
+if not all(periodic):
+    walls = np.array([[0.0, 0.0, 2e-5, 0.0, 0.0 if periodic[2] else 1e-5, 0.0]])
+    for split in ("undrained", "predicted"):
+        coupling = TwoWayCoupling(net, flow, boundary, pressure, split, tolerance=1e-13)
+        for interval in range(3):
+            for step in range(3):
+                coupling.move(np.cos((3 + step) * x[own] + interval) * 1e-4, 1e-9, walls)
+            if interval < 2:
+                coupling.exchange()
+        force, wall_force = coupling.forces()
+        everywhere = np.zeros_like(x)
+        everywhere[own] = force
+        comm.Allreduce(MPI.IN_PLACE, everywhere)
+        result[f"{split} force"], result[f"{split} wall"] = everywhere, wall_force
+        done, given, size = comm.allreduce(np.array(coupling.work))
+        assert abs(done - given) < 1e-12 * size, (done, given, size)
+        result[f"{split} work"] = np.array([done, size])
+
 if comm.rank == 0:
     np.savez(sys.argv[3], **result)
