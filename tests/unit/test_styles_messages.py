@@ -49,6 +49,9 @@ BAD = [
     (["fix d all damping/local 0.5 0.5"], "an argument after alpha is 0.5, allowed: none"),
     (["fix p all poreforce pf"], "property is pf, allowed: the id of a fix property/atom with three values"),
     ([PROPERTY.replace("vector yes no no 0. 0. 0.", "scalar yes no no 0."), "fix p all poreforce pf"], "property is pf, allowed: the id of a fix property/atom"),
+    (["fix t all poreforce/two_way pf"], "property is pf, allowed: the id of a fix property/atom with three values"),
+    (["group some type 1", PROPERTY, "fix t some poreforce/two_way pf"], "group is some, allowed: all"),
+    ([PROPERTY, "fix t all poreforce/two_way pf"], "poreforce/two_way: no fluid is coupled with it"),
 ]
 
 
