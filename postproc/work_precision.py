@@ -113,6 +113,7 @@ def _scales(work, sweep, shown: Sequence[Point], options: Sequence[Any], numeric
         sweep.margins(x=0.15)
     for axis in (work.xaxis, work.yaxis):
         lowest, highest = axis.get_view_interval()
+        axis.set_minor_formatter(ticker.NullFormatter())
         if 0.0 < lowest and highest < 30.0 * lowest:
             # Powers of ten alone would leave one number on such an axis, or none.
             leading = "123456789" if highest < 3.0 * lowest else "125"
@@ -161,7 +162,8 @@ def _legend(figure, work, best: Sequence[Point], given: Sequence[str], others: S
         chosen = ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best[0].options.items())
         said.append("ringed: recommended" + (" for each" if given else f", {chosen}"))
     said += [", ".join(labels.get(key, key) for key in others)] if others else []
-    figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7, title="\n".join(said) or None, title_fontsize=7.5)
+    legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7, title="\n".join(said) or None, title_fontsize=7.5)
+    legend.get_title().set_multialignment("center")
 
 
 def error_text(error: float) -> str:
