@@ -22,9 +22,9 @@ STATED_RANGES: dict[str, StatedRange] = {
         5e-2, "mean resultant force on a grain over the mean contact force", f"the loading is not quasi-static: {_SLOWER}"),
     "inertial_number": StatedRange(
         1e-2, "strain rate times d sqrt(density / stress)", f"the gouge flows inertially: {_SLOWER}, or pack.density_kg_m3"),
-    # Errors of this size: docs/error-against-run-time.md.
+    # Within it the onset of slip is that of half the rate to 5 % (cases/studies/loading_onset.toml).
     "loading_rate": StatedRange(
-        0.1, "way of a driven wall in a step over the mean overlap of contacts", f"a wall outruns the contact forces: {_SLOWER}"),
+        5e-2, "way of a driven wall in a step over the mean overlap of contacts", f"a wall outruns the contact forces: {_SLOWER}"),
     "wall_stress_difference": StatedRange(
         0.1, "difference of the stresses on the left and the right wall over their mean", f"the walls do not bear the same stress: {_SLOWER}"),
     "overlap_max_over_d": StatedRange(

@@ -114,7 +114,7 @@ def _scales(work, sweep, shown: Sequence[Point], options: Sequence[Any], numeric
     for axis in (work.xaxis, work.yaxis):
         lowest, highest = axis.get_view_interval()
         axis.set_minor_formatter(ticker.NullFormatter())
-        if 0.0 < lowest and highest < 30.0 * lowest:
+        if 0.0 < lowest and highest < 60.0 * lowest:
             # Powers of ten alone would leave one number on such an axis, or none.
             leading = "123456789" if highest < 3.0 * lowest else "125"
             axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
