@@ -57,6 +57,10 @@ class Runner:
             return None
         if content.pop("digest") != job.digest:
             return None
+        # One that took too long may come to its end in more time.
+        if content["status"] is None and content.pop("limit_s") < self._limit_s:
+            return None
+        content.pop("limit_s", None)
         return Outcome(directory=directory / job.results, **content)
 
     def carry_out(self, job: Job) -> Outcome:
@@ -71,7 +75,7 @@ class Runner:
         directory.mkdir(parents=True)
         outcome = self._measured(job, directory)
         content = {key: value for key, value in dataclasses.asdict(outcome).items() if key != "directory"}
-        write_atomically(directory / FINISHED, json.dumps(content | {"digest": job.digest}, indent=1) + "\n")
+        write_atomically(directory / FINISHED, json.dumps(content | {"digest": job.digest, "limit_s": self._limit_s}, indent=1) + "\n")
         return outcome
 
     def _measured(self, job: Job, directory: Path) -> Outcome:

@@ -118,7 +118,7 @@ class Study:
     relative: bool
     # What the error is one of, for figures.
     error_label: str
-    # A run that takes longer than this is ended, s.
+    # A run that takes longer than this is ended, wall s.
     limit_s: float
 
 
