@@ -23,6 +23,7 @@ examples:
   poreslip run cases/two_sides/full.toml --only case2 --set pack.seed=2
   mpirun -n 4 poreslip run cases/two_sides/full.toml         the same on four cores
   poreslip study cases/studies/coupling_interval.toml        error against run time, and the setting to choose
+  poreslip stability                                         stiff and extreme scenes: which are stable, which are refused, and why
   poreslip plot out/quick                                    figures and onsets from the results
 
 exit status: 0 done; 2 bad input (the message says what to correct); 3 the computation failed."""
@@ -37,6 +38,10 @@ Carry out every setting of a study, each in a process of its own, and hold it ag
 error_time.csv, error_time.png, and study.md, which names the cheapest setting within the tolerance. Runs that are there from before with the
 same inputs (DIR/runs) are not repeated: after Ctrl-C the same command goes on. A setting that is refused, or breaks down, is a line with its
 reason."""
+_STABILITY_DESCRIPTION = """\
+Carry out stiff and extreme scenes, each in a process of its own with a limit on its time: whether it is stable or caught by the program, the figure
+that says so, and limits found against limits predicted. Some minutes. Writes DIR/stability.csv and DIR/stability.md; exit status 3 if a scene ends
+in another way than it may."""
 _TEST_DESCRIPTION = """\
 Run the tests with pytest: those of seconds and of a minute or so; with --all also those marked slow. Other arguments are pytest's own,
 such as tests/unit, -k bond or -x."""
@@ -112,6 +117,14 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--dry-run", action="store_true", help="print the runs that it stands for, and which of them are kept from before")
     study.set_defaults(action=_study)
 
+    stability = commands.add_parser("stability", help="stiff and extreme scenes: stable, refused or stopped, and by which limit", description=_STABILITY_DESCRIPTION, **form)
+    stability.add_argument("--only", metavar="PATTERN", action="append", default=[], help="scenes of such names only, such as 'grains/limit/*'; may be repeated")
+    stability.add_argument("--quick", action="store_true", help="some of the scenes, in half a minute")
+    stability.add_argument("--list", action="store_true", help="print the scenes, and how each may end")
+    stability.add_argument("--jobs", metavar="N", type=_count, default=1, help="scenes at a time (default: 1)")
+    stability.add_argument("--out", metavar="DIR", help="directory of the results (default: out/stability, in the current directory)")
+    stability.set_defaults(action=_stability)
+
     commands.add_parser("plot", help="figures, onsets of slip and claims from the results of runs", add_help=False)
 
     info = commands.add_parser("info", help="versions of poreslip and of all that it stands on", **form)
@@ -185,6 +198,25 @@ def _study(chosen: argparse.Namespace) -> int:
     from coupling.study.carry_out import carry_out
 
     return carry_out(chosen.study, _output_root(chosen.out or "out/studies"), chosen.dry_run)
+
+
+def _count(text: str) -> int:
+    """A whole number above 0, for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no whole number above 0")
+    return int(text)
+
+
+def _stability(chosen: argparse.Namespace) -> int:
+    if _size() > 1 or "OMPI_COMM_WORLD_SIZE" in os.environ:
+        raise InputError("the stability map starts its processes itself: give `poreslip stability` without mpirun.")
+    from coupling.stability import carry_out
+
+    if chosen.list:
+        for scene in carry_out.chosen(chosen.only, chosen.quick):
+            print(f"{scene.name:40s} {' or '.join(scene.expected):20s} {scene.what}")
+        return 0
+    return carry_out.stability(chosen.only, _output_root(chosen.out or "out/stability"), chosen.jobs, chosen.quick)
 
 
 def _info(chosen: argparse.Namespace) -> int:

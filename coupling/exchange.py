@@ -23,7 +23,7 @@ class Dry:
 
     rebuilds = 0
     momentum_residual = 0.0
-    #: Work of the pore forces on this rank's grains, J, up to the last update or, two-way, step.
+    #: Work of the pore forces on this rank's grains, J, up to now, or, two-way, the most that the fluid could give them up to the last solve.
     work_on_grains = 0.0
 
     def __init__(self, engine: Engine, phases: Phases):

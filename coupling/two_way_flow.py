@@ -59,6 +59,7 @@ class TwoWayFlow(Dry):
         self._pressure = self._drainage = np.zeros(0)
         self._coupling: TwoWayCoupling | None = None
         self._result: FlowResult | None = None
+        self._stored_before: float | None = None
         self._hint = STAGGERED_HINT if self._split == "drained" else ""
         self._worst = {"momentum_residual": 0.0, "work_residual": 0.0, "mass_residual": 0.0, "remesh_mass_residual": 0.0}
         self._prepare_engine()
@@ -76,7 +77,9 @@ class TwoWayFlow(Dry):
                 self._begin()
             with self._phases.timed("exchange"):
                 self._set_forces()
-            self._walls_before = self._walls.states(self._engine)
+            self._walls_before, self._begun_at = self._walls.states(self._engine), self._engine.step
+            if self._stored_before is None:
+                self._stored_before = self._stored(self._pressure)
             self._measure_momentum()
 
     def advance(self, steps: int) -> None:
@@ -137,12 +140,28 @@ class TwoWayFlow(Dry):
         done, by_fluid, size = self._comm.allreduce(np.array(self._coupling.work))
         if size > 0.0 and self._law == "total":
             self._keep_worst("work_residual", abs(done - by_fluid) / size)
-        if self._comm.rank == 0:
-            self.work_on_grains += done - self._walls.fluid_work(self._walls_before, self._walls.states(self._engine))
+        on_walls = self._walls.fluid_work(self._walls_before, self._walls.states(self._engine))
         self._coupling.boundary = self._held.boundary()
         result = self._coupling.exchange()
+        self._count_work(done - on_walls, on_walls, result)
         self._drainage = self._coupling.drainage
         return result
+
+    def _count_work(self, on_grains: float, on_walls: float, result: FlowResult) -> None:
+        """Add an interval's work. Between constant pressures at faces that is not what was done on the grains, but the most that the fluid had to
+        give: what came in with it, less what it stores, sum of beta V p^2 / 2, and what it did on the walls. Pressures that lag behind do more."""
+        if self._case.scene == "sample":
+            elapsed = (self._engine.step - self._begun_at) * self._engine.time_step
+            on_grains = -elapsed * sum(pressure * result.outflow[face] for face, pressure in self._held.at_faces.items()) - on_walls
+            stored = self._stored(result.pressure)
+            self.work_on_grains -= stored - self._stored_before
+            self._stored_before = stored
+        if self._comm.rank == 0:
+            self.work_on_grains += on_grains
+
+    def _stored(self, pressure: np.ndarray) -> float:
+        """Energy of the fluid in this rank's own pores, J."""
+        return 0.5 * float((self._flow.storage * pressure**2)[self._network.owned].sum())
 
     # -- the mesh ---------------------------------------------------------------------------------------------------------
 

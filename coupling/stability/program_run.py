@@ -1,0 +1,88 @@
+"""A run of the program for the stability map: `poreslip run` in a process of its own, and whether what it left is sound."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from coupling.native import REPOSITORY
+from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome
+
+#: A run that takes longer hangs, s: the scenes take seconds.
+PATIENCE_S = 240.0
+#: Figures of a report that must stay below these in a sound run, whatever the scene.
+SOUND = {"energy_gain": 1e-3, "momentum_residual": 1e-10, "mass_residual": 1e-8, "work_residual": 1e-10}
+
+
+@dataclass(frozen=True)
+class Ran:
+    """status: of the process, negative for a signal, None where it hung. said: its last words. directory: of the results."""
+
+    status: int | None
+    said: str
+    directory: Path
+
+    @property
+    def history(self) -> dict[str, list[float]]:
+        with open(self.directory / "history.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        return {name: [float(row[name]) for row in rows] for name in rows[0]}
+
+    @property
+    def figures(self) -> dict[str, float]:
+        return json.loads((self.directory / "report.json").read_text())["quasi_static_checks"]
+
+
+def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None = None) -> Ran:
+    """Run a case (TOML, with one run) with `--set` values. decks: lines to add to decks, by name, for what the checks of a case would refuse."""
+    directory.mkdir(parents=True, exist_ok=True)
+    if decks:
+        copy = directory / "decks"
+        shutil.copytree(REPOSITORY / "liggghts-inputs", copy, ignore=shutil.ignore_patterns("styles"), dirs_exist_ok=True)
+        for name, lines in decks.items():
+            (copy / name).write_text((REPOSITORY / "liggghts-inputs" / name).read_text() + lines + "\n")
+        case = 'decks_directory = "decks"\n' + case
+    (directory / "case.toml").write_text(case)
+    command = [sys.executable, "-m", "coupling", "run", str(directory / "case.toml"), "--out", str(directory)]
+    command += [part for setting in settings for part in ("--set", setting)]
+    done = in_time(command, PATIENCE_S)
+    return Ran(done[0], " ".join(done[1].split()), directory / "case" / "run")
+
+
+def in_time(command: list[str], patience_s: float) -> tuple[int | None, str]:
+    """Exit status, None if the command had to be ended, and what it wrote to stderr."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]), "OMP_NUM_THREADS": "1"}
+    # What the MPI of this process left there would make the other take itself for a part of it.
+    environment = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_", "ORTE_", "PMI_"))}
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        _, errors = process.communicate(timeout=patience_s)
+        return process.returncode, errors
+    except subprocess.TimeoutExpired:
+        return None, f"no end after {patience_s:g} s"
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+
+
+def judged(ran: Ran, figure: Callable[[Ran], tuple[bool, str]]) -> Outcome:
+    """How a run ended; `figure` tells of one that came to its end whether it is sound, and by what."""
+    if ran.status in (2, 3) and "Traceback" not in ran.said and "poreslip: " in ran.said:
+        return Outcome(REFUSED if ran.status == 2 else STOPPED, ran.said.split("poreslip: ", 1)[1])
+    if ran.status != 0:
+        how = "hung" if ran.status is None else f"signal {-ran.status}" if ran.status < 0 else f"exit status {ran.status}"
+        return Outcome(FAILED, f"{how}: {ran.said[-300:]}")
+    bad = [f"{name} {ran.figures[name]:.3g}" for name, most in SOUND.items() if not ran.figures.get(name, 0.0) <= most]
+    bad += [f"{name} not finite" for name, values in ran.history.items() if not all(map(math.isfinite, values))]
+    sound, words = figure(ran)
+    return Outcome(STABLE, words) if sound and not bad else Outcome(FAILED, "; ".join(["ended without a word", *bad, words]))
