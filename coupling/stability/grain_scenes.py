@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from coupling.stability.program_run import Ran, judged, run
-from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome, Scene
+from coupling.stability.scene import REFUSED, STABLE, STOPPED, WARNED, Outcome, Scene
 
 #: 138 grains, whose top is loaded by a tenth in 400 steps of the default length.
 SAMPLE = """\
@@ -79,7 +79,7 @@ def _step_scenes() -> list[Scene]:
     # Behind the checks of the case: a deck's own step, 2.02e-7 s being 1.0.
     for fraction in (0.95, 1.2, 2.0):
         act = sample(decks={"in.load_sample": f"timestep {fraction * 2.02e-7:.4g}"})
-        scenes.append(Scene(f"grains/step_of_deck/{fraction}", f"step of {fraction}, set in a deck, past the checks", (STOPPED,), act, quick=fraction == 1.2))
+        scenes.append(Scene(f"grains/step_of_deck/{fraction}", f"step of {fraction}, set in a deck, past the checks", (WARNED, STOPPED) if fraction == 0.95 else (STOPPED,), act, quick=fraction == 1.2))
     return scenes
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coupling.native import REPOSITORY
-from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome
+from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, WARNED, Outcome
 
 #: A run that takes longer hangs, s: the scenes take seconds.
 PATIENCE_S = 240.0
@@ -38,8 +38,12 @@ class Ran:
         return {name: [float(row[name]) for row in rows] for name in rows[0]}
 
     @property
+    def report(self) -> dict:
+        return json.loads((self.directory / "report.json").read_text())
+
+    @property
     def figures(self) -> dict[str, float]:
-        return json.loads((self.directory / "report.json").read_text())["quasi_static_checks"]
+        return self.report["quasi_static_checks"]
 
 
 def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None = None) -> Ran:
@@ -82,6 +86,9 @@ def judged(ran: Ran, figure: Callable[[Ran], tuple[bool, str]]) -> Outcome:
     if ran.status != 0:
         how = "hung" if ran.status is None else f"signal {-ran.status}" if ran.status < 0 else f"exit status {ran.status}"
         return Outcome(FAILED, f"{how}: {ran.said[-300:]}")
+    unsound = [warning for warning in ran.report["warnings"] if warning.split()[0] in SOUND]
+    if unsound:
+        return Outcome(WARNED, "warning: " + "; ".join(unsound))
     bad = [f"{name} {ran.figures[name]:.3g}" for name, most in SOUND.items() if not ran.figures.get(name, 0.0) <= most]
     bad += [f"{name} not finite" for name, values in ran.history.items() if not all(map(math.isfinite, values))]
     sound, words = figure(ran)

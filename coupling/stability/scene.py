@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-#: How a scene can end. "stable": carried out, and sound by its figure. "refused", "stopped": caught by the program, before the first step or in the run.
-#: "failed": crashed, hung, or wrong without a word.
-STABLE, REFUSED, STOPPED, FAILED = "stable", "refused", "stopped", "failed"
+#: How a scene can end. "stable": carried out, and sound by its figure. "refused", "stopped": caught by the program, before the first step or in the run;
+#: "warned": carried out, with a warning on the screen and in the report. "failed": crashed, hung, or wrong without a word.
+STABLE, REFUSED, STOPPED, WARNED, FAILED = "stable", "refused", "stopped", "warned", "failed"
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def page(lines: list[Line]) -> str:
         "Stiff and extreme scenes, each carried out by the program's own parts in a process of its own, made by", "",
         "    ./poreslip stability", "",
         "*stable*: came to its end, and is sound by the figure beside it. *refused*: caught before the first step. *stopped*: caught in the run. Each with",
-        "the message that a user reads. *failed* would be a crash, a hang, or a wrong answer without a word.", "",
+        "the message that a user reads; *warned*: told of in the run's report. *failed* would be a crash, a hang, or a wrong answer without a word.", "",
         "What catches: coupling/time_step_limit.py, two_way_checks.py and staggered_limit.py beforehand; in the run coupling/watch.py, with every line of the",
         "history: finite numbers, overlaps below 0.2 d, no grain through a wall, and no energy that the work of walls and fluid does not account for.", "",
         f"{len(lines)} scenes: " + ", ".join(f"{count} {ended}" for ended, count in sorted(counts.items()))
