@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,16 +81,17 @@ class SceneWalls:
         """Face of each wall, and the parts that it bears as bits, by fix id."""
         return {name: (face, sum(1 << (part - 1) for part in parts)) for name, (face, parts) in self.plates.items()}
 
-    def gaps(self, engine: Engine, state: dict[str, WallState]):
-        """For each wall, by fix id: distances of the centres of this rank's grains that it bears and that may touch it, inwards from its plane, (k,) m, and
-        their radii, (k,) m."""
+    def gaps(self, engine: Engine, state: dict[str, WallState]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """For each wall, by fix id: distances inwards from its plane, (k,) m, of the centres of those of this rank's grains that it bears and that
+        are nearer than the largest radius, and their radii, (k,) m."""
         x, radius, kind = engine.atom("x"), engine.atom("radius"), engine.atom("type")
         reach = radius.max(initial=0.0)
         for name, (face, parts) in self.plates.items():
-            inwards = x[:, face // 2] - state[name].position if face % 2 == 0 else state[name].position - x[:, face // 2]
+            inwards = x[:, face // 2] - state[name].position
+            if face % 2:
+                inwards = -inwards
             near = np.flatnonzero(inwards < reach)
-            if parts != GROUPS:
-                near = near[np.isin(kind[near], parts)]
+            near = near[np.isin(kind[near], parts)]
             yield name, inwards[near], radius[near]
 
     def fluid_work(self, before: dict[str, WallState], after: dict[str, WallState]) -> float:

@@ -96,7 +96,7 @@ def scenes() -> list[Scene]:
     found = _step_scenes()
     found += [
         Scene("grains/literal_stiffness", "k_n = 5e10 N/m", (STABLE,), literal),
-        Scene("grains/soft", "k_n 1e4 times smaller: grains overlap by half a diameter under the stress", (REFUSED, STOPPED), sample("material.modulus_Pa=5e6")),
+        Scene("grains/soft", "k_n 1e4 times smaller: grains overlap by half a diameter under the stress", (REFUSED, STOPPED), sample("material.modulus_Pa=5e6", "sample.loading_time_s=4e-3")),
         Scene("grains/friction/0", "contact friction 0", (STABLE,), sample("material.friction=0.0")),
         Scene("grains/friction/10", "contact friction 10", (STABLE,), sample("material.friction=10.0")),
         Scene("grains/shear_stiffness/1", "k_s = k_n at the default step", (STABLE,), sample("material.shear_stiffness_ratio=1.0")),
