@@ -41,6 +41,7 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> CaseFile:
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{origin.of('run')}: runs are written as tables in double brackets, [[run]], each with a name.")
     command_line = _command_line(overrides, origin)
+    _refuse_unknown(command_line, {*_TOP, *SECTIONS, "sweep"}, "", origin)
     table = _merged(table, command_line)
     seeds = _sweep_seeds(table.pop("sweep", {}), origin)
     command_line.pop("sweep", None)

@@ -76,7 +76,7 @@ def interpretations(case: RunCase) -> dict[str, object]:
     taken: dict[str, object] = {
         "stiffness_reading": READINGS[case.material.stiffness_reading],
         "normal_stiffness_N_per_m": case.normal_stiffness_N_per_m,
-        "bond_strength": "Table I's 1e9 Pa times pi min(R)^2" if case.bonded else "no bonds",
+        "bond_strength": f"{case.bonds.strength_mean_Pa:g} Pa (standard deviation {case.bonds.strength_sd_Pa:g} Pa) times pi min(R)^2" if case.bonded else "no bonds",
         "forces": case.flow.forces if case.needs_mesh else "none",
         "wall_stress": "total: contact force and fluid force over the wall's area",
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from flowsolver.network import ComputationError, InputError
 INPUT_ERROR, COMPUTATION_ERROR = 2, 3
 #: What options of the linear solver begin with on PETSc's command line, and on this one.
 PETSC_PREFIX = "-flow_"
+_NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -52,6 +54,8 @@ def parser() -> argparse.ArgumentParser:
         '"1e5 * cos(3.14159 * x) * (t < 2)".',
         epilog="Options of PETSc's linear solver come last, as in: poreflow PACK ... -flow_ksp_monitor -flow_pc_type gamg",
     )
+    # argparse alone would take -1e-3 for an option.
+    p._negative_number_matcher = _NEGATIVE_NUMBER
     p.add_argument("pack", type=Path, help="text with x y z r on each line, or a LIGGGHTS or LAMMPS dump with id x y z radius")
     p.add_argument("--box", type=float, nargs=6, metavar=("XLO", "XHI", "YLO", "YHI", "ZLO", "ZHI"), help="m; a dump brings its own")
     p.add_argument("--periodic", default="", metavar="AXES", help="periodic directions, such as xz; the others have walls")

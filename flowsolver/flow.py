@@ -240,8 +240,12 @@ class PoreFlow:
             touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
             start[touching] = given
             owner[touching] = index
+        pointed = np.zeros(m, bool)
         for *point, value in boundary.points:
             holds = self._nearest(point, centre, vertices)
+            if (pointed[holds] & (start[holds] != value)).any():
+                faults.append(f"the point {tuple(point)} lies in a pore that another point gives another pressure: leave one of them out")
+            pointed[holds] = True
             start[holds] = value
             owner[holds] = len(boundary.pressure)
         if boundary.inside is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,10 +34,15 @@ def read_grains(path: Path) -> Grains:
 
 def _read_text(path: Path) -> Grains:
     try:
-        rows = np.loadtxt(path, ndmin=2)
+        with warnings.catch_warnings():
+            # That a file holds nothing is said below.
+            warnings.simplefilter("ignore", UserWarning)
+            rows = np.loadtxt(path, ndmin=2)
     except ValueError as error:
         raise InputError(f"{path}: {error}; expected four numbers x y z r on each line") from None
-    if rows.size == 0 or rows.shape[1] != 4:
+    if rows.size == 0:
+        raise InputError(f"{path} holds no grains: expected x y z r on each line, in m")
+    if rows.shape[1] != 4:
         raise InputError(f"{path} has {len(rows)} lines of {rows.shape[1]} numbers: expected four on each line, x y z r, in m")
     return Grains(np.arange(len(rows)), rows[:, :3].copy(), rows[:, 3].copy(), None)
 

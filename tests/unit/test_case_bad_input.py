@@ -80,6 +80,8 @@ BAD_OVERRIDES = {
     "no key": ("=3", "section.key=value"),
     "odd key": ("pack seed=3", "section.key=value"),
     "unknown key": ("pack.sed=3", "did you mean seed?"),
+    "unknown section": ("pak.seed=3", "--set: unknown key pak (did you mean pack?)"),
+    "section left out": ("seed=3", "--set: unknown key seed"),
     "unknown scene": ("scene=two_side", "did you mean two_sides?"),
     "text for a number": ("pack.seed=three", 'pack.seed = "three": allowed is a whole number'),
     "unknown choice": ("pressure.mode=linar", '"none", "uniform", "linear", "expression"'),

@@ -132,6 +132,13 @@ def test_what_enters_at_a_point_leaves(pack, tmp_path):
     assert given["zmax"] == pytest.approx(-given["points"], rel=1e-8) and given["zmax"] > 0
 
 
+def test_negative_numbers_in_any_notation(pack, tmp_path):
+    sources = ["--source", "0.5", "0.5", "0.2", "1e-3", "--source", "0.5", "0.5", "0.8"]
+    report = report_of(tmp_path, pack, *BOX, *sources, "-1e-3", "--viscosity", "10")
+    assert report["mass_residual"] < 1e-10
+    assert main([str(pack), *BOX, *DRIVEN, "--dt", "1", "--initial", "-1.5E+5", "--json", str(tmp_path / "out.json")]) == 0
+
+
 def test_petsc_takes_its_own_options(pack, tmp_path, capfd):
     report_of(tmp_path, pack, *BOX, *DRIVEN)
     report = tmp_path / "jacobi.json"
@@ -145,6 +152,7 @@ REFUSED = {
     "no file": (["/no/such/pack", *BOX], "cannot read /no/such/pack"),
     "no box": (["PACK"], "give --box"),
     "short lines": (["SHORT", *BOX], "expected four on each line"),
+    "no grains": (["EMPTY", *BOX], "^poreflow: .*empty holds no grains"),
     "words": (["WORDS", *BOX], "expected four numbers x y z r"),
     "binary": (["BINARY", *BOX], "cannot read|expected four numbers"),
     "cut dump": (["CUT"], "expected a dump|ends after"),
@@ -171,6 +179,7 @@ REFUSED = {
     "nan inflow": (["PACK", *BOX, "--inflow", "xmin=nan"],  "the inflow of face 'xmin' is not a finite"),
     "face twice": (["PACK", *BOX, "--face", "xmin=1", "--face", "xmin=2"], "--face xmin is given more than once"),
     "point outside": (["PACK", *BOX, "--point", "2", "0", "0", "1"], "--point 2 0 0 1: the point is outside the box"),
+    "two pressures in a pore": (["PACK", *BOX, "--point", "0.5", "0.5", "0.5", "1", "--point", "0.5", "0.5", "0.5", "2"], "another pressure"),
     "history of no time": (["PACK", *BOX, *DRIVEN, "--history", "h.csv"], "give --dt"),
     "no time step": (["PACK", *BOX, *DRIVEN, "--dt", "-1"], "dt is -1.0 s"),
     "tolerance": (["PACK", *BOX, *DRIVEN, "--tolerance", "2"], "tolerance is 2.0"),
@@ -182,8 +191,9 @@ REFUSED = {
 
 def refused_files(directory: Path, pack: Path) -> dict[str, Path]:
     """The packs that REFUSED names, written to a directory."""
-    files = {name: directory / name.lower() for name in ("SHORT", "WORDS", "BINARY", "CUT", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE")}
+    files = {name: directory / name.lower() for name in ("SHORT", "WORDS", "BINARY", "CUT", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE", "EMPTY")}
     files["SHORT"].write_text("1 2 3\n")
+    files["EMPTY"].write_text("")
     files["WORDS"].write_text("grain here there\n")
     files["BINARY"].write_bytes(bytes(range(256)))
     files["CUT"].write_text("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\nITEM: ATOMS id x y z radius\n1 .5 .5 .5 .1\n")
