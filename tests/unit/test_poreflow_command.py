@@ -58,6 +58,27 @@ def test_a_body_force_and_a_pressure_drop_give_a_like_permeability(pack, tmp_pat
     assert body["permeability"] == pytest.approx(driven["permeability"], rel=0.15)
 
 
+def test_fluid_at_rest_lifts_grains_by_their_own_weight_of_it(pack, tmp_path):
+    """Archimedes; and grains and walls bear together what the fluid weighs."""
+    weight = 9810.0
+    report = report_of(tmp_path, pack, *BOX, "--body-force", "0", "0", -weight, "--forces", tmp_path / "forces.npz")
+    forces, radius = np.load(tmp_path / "forces.npz"), np.loadtxt(pack)[:, 3]
+    buoyancy = weight * 4 / 3 * np.pi * radius[forces["id"]] ** 3
+    np.testing.assert_allclose(forces["force"], buoyancy[:, None] * [0, 0, 1], atol=1e-4 * buoyancy.min())
+    borne = forces["force"][:, 2].sum() + forces["wall_force"][5] - forces["wall_force"][4]
+    assert borne == pytest.approx(-weight * (1 - (4 / 3 * np.pi * radius**3).sum()), rel=1e-9)
+    assert report["outflow"] == {}
+
+
+def test_a_weighty_fluid_that_flows_drags_as_one_without_weight(pack, tmp_path):
+    """Pressures that differ by the hydrostatic one drive the same flow, and the same drag beside the buoyancy."""
+    for name, faces, more in (("light", ("zmin=1000", "zmax=0"), ()), ("heavy", ("zmin=1000 - 9810 * z", "zmax=-9810 * z"), ("--body-force", 0, 0, -9810))):
+        report_of(tmp_path, pack, *BOX, "--face", faces[0], "--face", faces[1], *more, "--tolerance", "1e-11", "--forces", tmp_path / f"{name}.npz")
+    light, heavy, radius = np.load(tmp_path / "light.npz"), np.load(tmp_path / "heavy.npz"), np.loadtxt(pack)[:, 3]
+    buoyancy = 9810 * 4 / 3 * np.pi * radius[heavy["id"], None] ** 3 * [0, 0, 1]
+    np.testing.assert_allclose(heavy["force"] - buoyancy, light["force"], atol=1e-6 * np.abs(light["force"]).max())
+
+
 def test_flow_in_time_tends_to_the_steady_state(pack, tmp_path):
     steady = report_of(tmp_path, pack, *BOX, *DRIVEN)
     late = report_of(tmp_path, pack, *BOX, *DRIVEN, "--dt", "10", "--steps", "2", "--initial", "0.5")
@@ -161,6 +182,7 @@ REFUSED = {
     "viscosity": (["PACK", *BOX, *DRIVEN[:4], "--viscosity", "0"], "viscosity is 0.0"),
     "axes": (["PACK", *BOX, "--periodic", "w"], "--periodic is 'w'"),
     "periodic face": (["PACK", *BOX, *DRIVEN, "--periodic", "y"], "face 'ymin' is periodic"),
+    "forces along a period": (["PACK", *BOX, "--periodic", "z", "--body-force", "0", "0", "-1e3", "--forces", "f.npz"], "along a period are not"),
     "both times": (["PACK", *BOX, *DRIVEN, "--steady", "--dt", "1"], "exclude each other"),
     "steps": (["PACK", *BOX, *DRIVEN, "--dt", "1", "--steps", "0"], "--steps is 0"),
     "small box": (["PACK", "--box", "0", "1", "0", "0.5", "0", "1", *DRIVEN], "outside the box"),
