@@ -105,10 +105,7 @@ class Loading:
 
     def _measure(self) -> None:
         with self._phases.timed("measures"):
-            breaks = self._engine.take_breaks()
-            rows = [row for part in self._comm.allgather(breaks) for row in part]
-            for broken in rows:
-                self._broken[0 if int(broken[3]) == 1 else 1] += 1
+            rows = self._take_breaks()
             figures = self._flow.figures(*self._now()) | {
                 "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._rebuilds}  # fmt: skip
             row = self._measures.row(self._engine, self._comm, self._time, figures)
@@ -121,13 +118,25 @@ class Loading:
         for name, value in (self._flow.residuals | self._measures.quality(row) | watched).items():
             self.worst[name] = max(self.worst.get(name, 0.0), value)
 
+    def _take_breaks(self) -> list:
+        """Bonds broken since they were last asked for, of all ranks; counted."""
+        rows = [row for part in self._comm.allgather(self._engine.take_breaks()) for row in part]
+        for broken in rows:
+            self._broken[0 if int(broken[3]) == 1 else 1] += 1
+        return rows
+
     def _snapshot(self, last: bool = False) -> None:
         if self._engine.step in self._snapshots.steps or (last and self._snapshots.steps):
             with self._phases.timed("output"):
                 self._snapshots.write(self._engine, self._measures.strain(self._engine), self._flow.grain_pressure())
 
     def _checkpoint(self) -> None:
+        # Those broken since the last line of the history are in no restart file of the engine's.
+        with self._phases.timed("measures"):
+            rows = self._take_breaks()
         with self._phases.timed("output"):
+            with raised_together(self._comm):
+                self._output.breaks(rows, self._measures.strain(self._engine))
             state = {
                 "step": self._engine.step,
                 "reference": self._reference,

@@ -52,6 +52,20 @@ def test_same_trajectory(run_fault, poreslip, ranks, bonds, run):
     assert (result / "log.liggghts").is_file() and (result / "log-from-200.liggghts").is_file()
 
 
+def test_checkpoints_between_lines_of_the_history(run_fault, poreslip):
+    """Bonds broken since the last line are neither lost nor told twice."""
+    result = run_fault(options=("--checkpoint-every", "110"))
+    aside = result.with_name("uninterrupted")
+    shutil.copytree(result, aside)
+    assert checkpoints(result)[-1] == "checkpoint-000000000330"
+    between = [row for row in broken_bonds(result) if 320 < int(row["step"]) <= 330]
+    assert between
+    done = poreslip("run", "--restart", result)
+    assert done.returncode == 0, done.stderr
+    for table in ("history.csv", "bonds.csv"):
+        assert (aside / table).read_bytes() == (result / table).read_bytes(), table
+
+
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
 def test_upright_fault(run_fault, poreslip, upright_case, ranks):
     result = run_fault(SNAPSHOTS, case=upright_case, ranks=ranks, options=EVERY)
