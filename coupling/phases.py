@@ -1,10 +1,11 @@
-"""Where a run's time goes."""
+"""Where a run's time and memory go."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class Phases:
@@ -51,3 +52,9 @@ class Phases:
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         return {name: {"wall_s": self.wall[name], "cpu_s": self.cpu[name], "calls": self.calls[name]} for name in self.wall}
+
+
+def peak_memory_bytes() -> int:
+    """Largest resident memory of this process so far (Linux). getrusage would count that of the process which started it, too."""
+    status = Path("/proc/self/status").read_text()
+    return 1024 * int(status.partition("VmHWM:")[2].split()[0])

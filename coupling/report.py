@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import resource
-
 import numpy as np
 
 from coupling.case_schema import RunCase
 from coupling.engine.interface import Engine
 from coupling.loading import Ending, Loading
 from coupling.output import RunOutput
-from coupling.phases import Phases
+from coupling.phases import Phases, peak_memory_bytes
 from coupling.stated_ranges import BALANCES, STATED_RANGES, warnings
 
 #: What the report says of the pack, from the stage's manifest.
@@ -32,7 +30,7 @@ def write_report(
     case: RunCase, comm, output: RunOutput, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases, wall_s: float
 ) -> None:  # fmt: skip
     """Write report.json and report.md, and print the warnings once; collective."""
-    peak = comm.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    peak = comm.gather(peak_memory_bytes())
     times = comm.gather(phases.to_dict())
     network = comm.gather(flow.report())
     if comm.rank:
