@@ -126,7 +126,8 @@ class Loading:
 
     # Horizontal strain reached at the end, at which the pressures reach their targets: paper, section II.E.
     horizontal_strain: float = allowed(3.1e-3, above=0.0, below=0.5)
-    # Rate of that strain. The paper's is 7.8e-3; 200 times that is still quasi-static (unbalanced-force ratio in the report).
+    # Rate of that strain. The paper's is 7.8e-3; 200 times that is still quasi-static. What other rates do to the onset of slip, and softer or
+    # denser grains: docs/error-against-run-time.md, loading rate.
     strain_rate_per_s: float = allowed(1.56, above=0.0, at_most=1e9)
     # Total vertical stress on the blocks, held by servo: Table I.
     vertical_stress_Pa: float = allowed(1e7, above=0.0, at_most=1e12)
@@ -188,7 +189,7 @@ class Fluid:
     viscosity_Pa_s: float = allowed(1e-3, above=0.0, at_most=1e12)
     # A compressibility of 0 makes the flow steady at each solve.
     compressibility_per_Pa: float = allowed(4.6e-10, at_least=0.0, at_most=1.0)
-    # "duct": (6) of the paper; "hydraulic-radius": Chareyre et al. (2012).
+    # "duct": (6) of the paper; "hydraulic-radius": Chareyre et al. (2012). Their errors: docs/error-against-run-time.md, conductance law.
     conductance: str = allowed("duct", choices=("duct", "hydraulic-radius"))
     # Scene "sample": pressure in the pores when loading begins. A fault begins with the field of [pressure].
     initial_pressure_Pa: float = allowed(0.0, at_least=-1e12, at_most=1e12)
@@ -245,7 +246,8 @@ class Flow:
     # throat; "predicted": so they do, and go on draining as in the interval before, which allows longer intervals; "staggered": they stand
     # still, which is stable only while the fluid is softer than the skeleton.
     split: str = allowed("undrained", choices=("undrained", "predicted", "staggered"))
-    # Steps between two updates of the forces; with "solve", between two solves of the flow.
+    # Steps between two updates of the forces; with "solve", between two solves of the flow. The error of an interval, and the split to
+    # choose for it: docs/error-against-run-time.md, coupling interval and remeshing.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
     # When the mesh of the pores is made anew: "needed": where it no longer is the triangulation of the grains, and then repaired if that can
     # be; "always": at every update.

@@ -33,7 +33,8 @@ from coupling.walls import GROUPS, SceneWalls
 SPLITS = {"undrained": "undrained", "predicted": "predicted", "staggered": "drained"}
 #: Id of the fix that has the fluid answer the engine's steps.
 FIX = "two_way"
-#: Of the linear solver, relative: with it the balance of mass closes to 1e-10 of the throughput of an interval in which grains move.
+#: Of the linear solver, relative; it costs twice what 1e-6 of the pressures would (docs/error-against-run-time.md). With it the balance of
+#: mass closes to 1e-10 of the throughput of an interval in which grains move.
 SOLVER_TOLERANCE = 1e-12
 STAGGERED_HINT = """
   With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten flow.interval_steps"""
