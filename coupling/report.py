@@ -36,7 +36,7 @@ def write_report(
     if comm.rank:
         return
     steps = engine.step - state["step"]
-    said = warnings(loading.worst)
+    said = warnings(loading.worst, case.scene)
     report = {
         "run": case.name,
         "ended": ending.reason,

@@ -6,6 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 _SLOWER = "lower loading.strain_rate_per_s"
+#: The same where another input drives the scene.
+_SLOWER_IN = {
+    "supplement": "raise supplement.ramp_time_s",
+    "sample": "lower the speeds in sample.walls, or raise sample.ramp_time_s",
+}
 
 
 @dataclass(frozen=True)
@@ -21,7 +26,7 @@ STATED_RANGES: dict[str, StatedRange] = {
     "unbalanced_force_ratio": StatedRange(
         5e-2, "mean resultant force on a grain over the mean contact force", f"the loading is not quasi-static: {_SLOWER}"),
     "inertial_number": StatedRange(
-        1e-2, "strain rate times d sqrt(density / stress)", f"the gouge flows inertially: {_SLOWER}, or pack.density_kg_m3"),
+        1e-2, "strain rate times d sqrt(density / stress)", f"the grains flow inertially: {_SLOWER}, or pack.density_kg_m3"),
     # Within it the onset of slip is that of half the rate to 5 % (cases/studies/loading_onset.toml).
     "loading_rate": StatedRange(
         5e-2, "way of a driven wall in a step over the mean overlap of contacts", f"a wall outruns the contact forces: {_SLOWER}"),
@@ -46,11 +51,12 @@ STATED_RANGES: dict[str, StatedRange] = {
 BALANCES = ("mass_residual", "remesh_mass_residual", "momentum_residual", "work_residual")
 
 
-def warnings(worst: Mapping[str, float]) -> list[str]:
+def warnings(worst: Mapping[str, float], scene: str = "two_sides") -> list[str]:
     """A sentence for each figure, at its worst in the run, that is outside of its range, or is no number."""
     said = []
     for name, stated in STATED_RANGES.items():
         # What is not a number is not within.
         if name in worst and not worst[name] <= stated.highest:
-            said.append(f"{name} reached {worst[name]:.3g}, its range ends at {stated.highest:g}: {stated.advice}")
+            advice = stated.advice.replace(_SLOWER, _SLOWER_IN.get(scene, _SLOWER))
+            said.append(f"{name} reached {worst[name]:.3g}, its range ends at {stated.highest:g}: {advice}")
     return said

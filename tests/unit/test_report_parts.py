@@ -65,3 +65,9 @@ def test_speeds_leave_the_stages_out():
     found = speeds(times, 1200)
     assert found == pytest.approx({
         "loading_wall_s": 4.5, "loading_cpu_s": 6.0, "grain_steps_per_s": 1200 / 4.5, "grain_steps_per_cpu_s": 200.0, "grain_steps_per_engine_cpu_s": 240.0})  # fmt: skip
+
+
+@pytest.mark.parametrize(("scene", "key"), [("two_sides", "loading.strain_rate_per_s"), ("supplement", "supplement.ramp_time_s"), ("sample", "sample.walls")])
+def test_the_advice_names_an_input_of_the_scene(scene: str, key: str) -> None:
+    (said,) = warnings({"loading_rate": 1.0}, scene)
+    assert key in said and ("strain_rate" in said) == (scene == "two_sides")
