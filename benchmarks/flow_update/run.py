@@ -1,10 +1,12 @@
-"""flow_update: time from grain positions to pressure forces, by size and number of ranks. Prints a table.
+"""flow_update: from grain positions to pressure forces, by size and number of ranks, and YADE beside it. Prints a table.
 
-    python benchmarks/flow_update/run.py                    # 8e3 and 1e5 grains on 1 and 2 ranks
-    python benchmarks/flow_update/run.py --sizes 1000000 --ranks 1
+    python benchmarks/flow_update/run.py                    # 8e3 and 1e5 grains on 1 and 2 ranks, and YADE where it is installed
+    python benchmarks/flow_update/run.py --sizes 1000000 --ranks 1 --no-yade
 
-Each row is one update, everything in it: mesh, conductances, solve at rtol 1e-8, forces. "fresh" reuses nothing; "same again"
-keeps mesh, preconditioner and start; "moved" moves every grain by 1e-4 of a diameter.
+Each row is one update, everything in it: mesh, conductances, solve at rtol 1e-8, forces. "fresh" reuses nothing; "same again" keeps
+mesh, preconditioner and start; "moved" moves every grain by 1e-4 of a diameter. Seconds are CPU seconds of the slowest rank but for
+"wall" and the last three columns (parts of "flow"), which are wall time. YADE's rows are its own script's, on the same pack
+(yade_flow.py): "kept" has the factor at hand; "coupled" is DEM and flow together, meshed anew every 200 steps.
 """
 
 from __future__ import annotations
@@ -12,38 +14,72 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-TILES = {8_000: (2, 2, 2), 100_000: (5, 5, 4), 1_000_000: (10, 10, 10)}
+SIZES = (1_000, 8_000, 100_000, 1_000_000)
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
-PARTS = ("tessellate", "geometry", "carry", "assemble", "setup", "solve", "forces", "total", "cpu")
+PARTS = ("tessellate", "geometry", "carry", "flow", "forces", "cpu", "wall", "assemble", "setup", "solve")
+COUPLED_STEPS = 400
+YADE_MOST = 100_000
+"""Above this YADE's corrupts its heap."""
 
 
 def measure(grains: int, ranks: int) -> dict:
-    command = [*MPIRUN, "-n", str(ranks), sys.executable, str(HERE / "measure.py"), "--tiles", *map(str, TILES[grains])]
-    environment = os.environ | {"PYTHONPATH": str(HERE.parents[1]), "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    command = [*MPIRUN, "-n", str(ranks), sys.executable, str(HERE / "measure.py"), "--grains", str(grains)]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(HERE.parents[1])}, capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stderr)
     return json.loads(done.stdout)
 
 
+def yade(grains: int, steps: int) -> dict:
+    with tempfile.TemporaryDirectory() as directory:
+        pack = Path(directory) / "pack.txt"
+        subprocess.run([sys.executable, str(HERE / "pack.py"), str(grains), str(pack)], check=True)
+        command = ["yade", "-j1", "-n", "-x", str(HERE / "yade_flow.py"), str(pack), str(steps)]
+        environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=directory)
+    for line in done.stdout.splitlines():
+        if line.startswith("RESULT "):
+            return json.loads(line[7:])
+    sys.exit(f"yade ended with status {done.returncode} and no result:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", type=int, nargs="+", default=[8_000, 100_000], choices=sorted(TILES))
+    parser.add_argument("--sizes", type=int, nargs="+", default=[8_000, 100_000], choices=SIZES)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--no-yade", dest="yade", action="store_false", help="leave YADE out, although it is installed")
     arguments = parser.parse_args()
-    print(f"{'grains':>8} {'ranks':>5} {'update':>15} {'mesh':>9} {'iter':>4}" + "".join(f"{part:>11}" for part in PARTS) + "   B/grain")
+    print(f"{'grains':>8} {'ranks':>5} {'update':>13} {'mesh':>8} {'iter':>4}" + "".join(f"{part:>11}" for part in PARTS) + f"{'grains/s':>10}{'B/grain':>8}")
     for grains in arguments.sizes:
+        fresh, notes = 0.0, []
         for ranks in arguments.ranks:
             result = measure(grains, ranks)
             for row in result["rows"]:
                 seconds = "".join(f"{row['seconds'][part]:11.3f}" for part in PARTS)
-                memory = f"{result['bytes_per_grain']:10.0f}" if row["case"] == "fresh" else ""
-                print(f"{result['grains']:>8} {ranks:>5} {row['case']:>15} {row['mesh']:>9} {row['iterations']:>4}{seconds}{memory}", flush=True)
+                memory = f"{result['bytes_per_grain']:8.0f}" if row["update"] == "fresh" else ""
+                speed = f"{grains / row['seconds']['wall']:10.3g}"
+                print(f"{grains:>8} {ranks:>5} {row['update']:>13} {row['mesh']:>8} {row['iterations']:>4}{seconds}{speed}{memory}", flush=True)
+            if ranks == 1:
+                fresh = result["rows"][0]["seconds"]["cpu"]
+            rates = ", ".join(f"{name} {rate / 1e6:.0f} M/s" for name, rate in result["rates"].items())
+            notes.append(f"{ranks} rank(s): peak {result['peak'] / 2**30:.2f} GiB; each rank's kernels: {rates}")
+        if arguments.yade and grains <= YADE_MOST and shutil.which("yade"):
+            peer = yade(grains, COUPLED_STEPS if grains <= 10_000 else 0)
+            print(f"{grains:>8} {'YADE':>5} {'fresh':>13} {'':>13}{'':55}{peer['fresh']:11.3f}{'':44}{grains / peer['fresh']:10.3g}{peer['bytes_per_grain']:8.0f}")
+            print(f"{grains:>8} {'YADE':>5} {'kept':>13} {'':>13}{'':55}{peer['kept']:11.3f}{'':44}{grains / peer['kept']:10.3g}")
+            if peer["grain_steps_per_second"]:
+                notes.append(f"YADE coupled: {peer['grain_steps_per_second']:.3g} grain-steps a CPU second")
+            if fresh:
+                notes.append(f"YADE fresh / poreslip fresh, CPU seconds on one core: {peer['fresh'] / fresh:.1f}")
+        for note in notes:
+            print(f"{grains:>8} {note}", flush=True)
 
 
 if __name__ == "__main__":

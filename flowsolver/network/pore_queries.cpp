@@ -60,9 +60,9 @@ void PoreNetwork::owned_throats(bool* owned) const {
 }
 
 ThroatSections PoreNetwork::throat_sections() {
-  const Timer timer(report_.geometry);
   ThroatSections s;
   for (auto* v : {&s.facet_area, &s.open_area, &s.perimeter, &s.length}) v->resize(throats());
+  const Timer timer(report_.geometry);
   geometry::throat_sections(mesh_.facet_view(), view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
   std::vector<double> centre(3 * pores());
   geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());

@@ -4,32 +4,43 @@
 #include <cmath>
 #include <vector>
 
+#include "geometry/corners.hpp"
 #include "tessellation/predicates.hpp"
 
 namespace poreslip {
 namespace {
 
-// Facets whose five vertices are grains, four or eight at a time. Undecided and violated ones are listed.
+using geometry::block_size;
+using geometry::Corners;
+
+// Facets whose five vertices are grains. Undecided and violated ones are listed.
 void filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, std::vector<std::size_t>& undecided,
                          std::vector<std::size_t>& violated) {
-  const double *x = grains.x.data(), *y = grains.y.data(), *z = grains.z.data(), *r = grains.radius.data();
-  constexpr std::size_t block = 256;
-  signed char verdict[block];
-  for (std::size_t first = 0; first < mesh.facet.end[0]; first += block) {
-    const std::size_t count = std::min(block, mesh.facet.end[0] - first);
-    const Vertex *va = mesh.facet.vertex[0].data() + first, *vb = mesh.facet.vertex[1].data() + first,
-                 *vc = mesh.facet.vertex[2].data() + first, *vd = mesh.facet.left_apex.data() + first,
-                 *ve = mesh.facet.right_apex.data() + first;
+  Corners<5> at;
+  signed char verdict[block_size];
+  Vertex apex[2][block_size];
+  const FacetArrays& facet = mesh.facet;
+  for (std::size_t first = 0; first < facet.end[0]; first += block_size) {
+    const std::size_t count = std::min(block_size, facet.end[0] - first);
+    const Vertex *va = facet.vertex[0].data() + first, *vd = facet.left_apex.data() + first,
+                 *ve = facet.right_apex.data() + first;
+    // A wall in place of an apex is decided elsewhere; here the facet's own grain stands in for it.
+    for (std::size_t f = 0; f < count; ++f) {
+      apex[0][f] = vd[f] < 0 ? va[f] : vd[f];
+      apex[1][f] = ve[f] < 0 ? va[f] : ve[f];
+    }
+    at.fetch({va, facet.vertex[1].data() + first, facet.vertex[2].data() + first, apex[0], apex[1]}, grains.packed.data(), 0,
+             count);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
-      const Vertex a = va[f], b = vb[f], c = vc[f];
       const bool walls = (vd[f] < 0) | (ve[f] < 0);
-      const Vertex d = vd[f] < 0 ? a : vd[f], e = ve[f] < 0 ? a : ve[f];
-      const double wa = r[a] * r[a];
-      const double bx = x[b] - x[a], by = y[b] - y[a], bz = z[b] - z[a], b2 = bx * bx + by * by + bz * bz, wb = r[b] * r[b];
-      const double cx = x[c] - x[a], cy = y[c] - y[a], cz = z[c] - z[a], c2 = cx * cx + cy * cy + cz * cz, wc = r[c] * r[c];
-      const double dx = x[d] - x[a], dy = y[d] - y[a], dz = z[d] - z[a], d2 = dx * dx + dy * dy + dz * dz, wd = r[d] * r[d];
-      const double ex = x[e] - x[a], ey = y[e] - y[a], ez = z[e] - z[a], e2 = ex * ex + ey * ey + ez * ez, we = r[e] * r[e];
+      const double ax = at.x[0][f], ay = at.y[0][f], az = at.z[0][f], wa = at.r[0][f] * at.r[0][f];
+      const double bx = at.x[1][f] - ax, by = at.y[1][f] - ay, bz = at.z[1][f] - az, b2 = bx * bx + by * by + bz * bz;
+      const double cx = at.x[2][f] - ax, cy = at.y[2][f] - ay, cz = at.z[2][f] - az, c2 = cx * cx + cy * cy + cz * cz;
+      const double dx = at.x[3][f] - ax, dy = at.y[3][f] - ay, dz = at.z[3][f] - az, d2 = dx * dx + dy * dy + dz * dz;
+      const double ex = at.x[4][f] - ax, ey = at.y[4][f] - ay, ez = at.z[4][f] - az, e2 = ex * ex + ey * ey + ez * ez;
+      const double wb = at.r[1][f] * at.r[1][f], wc = at.r[2][f] * at.r[2][f], wd = at.r[3][f] * at.r[3][f],
+                   we = at.r[4][f] * at.r[4][f];
       // 2 x 2 minors of (b, c) and (d, e), and Laplace's expansion of the 4 x 4 determinant by pairs of rows.
       const double bc_xy = bx * cy - by * cx, bc_yz = by * cz - bz * cy, bc_zx = bz * cx - bx * cz;
       const double de_xy = dx * ey - dy * ex, de_yz = dy * ez - dz * ey, de_zx = dz * ex - dx * ez;
@@ -58,20 +69,18 @@ void filter_grain_facets(const Mesh& mesh, const LocalGrains& grains, std::vecto
 
 // Tetrahedra of grains; undecided ones are listed, inverted ones counted.
 std::int64_t filter_tetrahedra(const Mesh& mesh, const LocalGrains& grains, std::vector<std::size_t>& undecided) {
-  const double *x = grains.x.data(), *y = grains.y.data(), *z = grains.z.data();
-  constexpr std::size_t block = 256;
-  signed char verdict[block];
+  Corners<4> at;
+  signed char verdict[block_size];
   std::int64_t inverted = 0;
-  for (std::size_t first = 0; first < mesh.cell_end[0]; first += block) {
-    const std::size_t count = std::min(block, mesh.cell_end[0] - first);
-    const Vertex *va = mesh.cell_vertex[0].data() + first, *vb = mesh.cell_vertex[1].data() + first,
-                 *vc = mesh.cell_vertex[2].data() + first, *vd = mesh.cell_vertex[3].data() + first;
+  for (std::size_t first = 0; first < mesh.cell_end[0]; first += block_size) {
+    const std::size_t count = std::min(block_size, mesh.cell_end[0] - first);
+    at.fetch(mesh.cell_view().vertex, grains.packed.data(), first, count);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
-      const Vertex a = va[f], b = vb[f], c = vc[f], d = vd[f];
-      const double bx = x[b] - x[a], by = y[b] - y[a], bz = z[b] - z[a];
-      const double cx = x[c] - x[a], cy = y[c] - y[a], cz = z[c] - z[a];
-      const double dx = x[d] - x[a], dy = y[d] - y[a], dz = z[d] - z[a];
+      const double ax = at.x[0][f], ay = at.y[0][f], az = at.z[0][f];
+      const double bx = at.x[1][f] - ax, by = at.y[1][f] - ay, bz = at.z[1][f] - az;
+      const double cx = at.x[2][f] - ax, cy = at.y[2][f] - ay, cz = at.z[2][f] - az;
+      const double dx = at.x[3][f] - ax, dy = at.y[3][f] - ay, dz = at.z[3][f] - az;
       const double det = bx * (cy * dz - cz * dy) + by * (cz * dx - cx * dz) + bz * (cx * dy - cy * dx);
       const double scale = std::abs(bx) * (std::abs(cy * dz) + std::abs(cz * dy)) +
                            std::abs(by) * (std::abs(cz * dx) + std::abs(cx * dz)) +
