@@ -12,7 +12,7 @@ import numpy as np
 
 POROSITY, SIZE_RATIO, CELL_GRAINS = 0.40, 1.2, 1000
 LARGEST_OVERLAP = 1e-3
-BLOCKS = {1_000: (1, 1, 1), 8_000: (2, 2, 2), 100_000: (4, 5, 5), 1_000_000: (10, 10, 10)}
+BLOCKS = {8_000: (2, 2, 2), 100_000: (4, 5, 5), 1_000_000: (10, 10, 10)}
 """Cells along x, y, z by number of grains."""
 
 

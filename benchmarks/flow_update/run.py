@@ -21,7 +21,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SIZES = (1_000, 8_000, 100_000, 1_000_000)
+SIZES = (8_000, 100_000, 1_000_000)
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1"]
 PARTS = ("tessellate", "geometry", "carry", "flow", "forces", "cpu", "wall", "assemble", "setup", "solve")
 COUPLED_STEPS = 400

@@ -18,8 +18,9 @@
 namespace poreslip {
 namespace {
 
-// The halo starts at twice the largest grain's diameter: enough for packs down to twice the porosity of a dense one.
-constexpr double halo_radii = 4.0;
+// The halo starts at three of the largest grain's diameters. Two do inside a dense pack, but next to walls, where it is loose, a
+// pore can need more, and a halo that has to grow costs a second triangulation.
+constexpr double halo_radii = 6.0;
 
 // Beyond this share of violated facets, flips cost more than a new triangulation.
 constexpr std::int64_t repair_one_in = 20;
