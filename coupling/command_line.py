@@ -136,7 +136,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    from coupling.case import load_case, select_runs
+    from coupling.case.files import load_case, select_runs
     from coupling.run_options import RunOptions
 
     overrides = list(chosen.overrides)
@@ -156,8 +156,8 @@ def _run(chosen: argparse.Namespace) -> int:
 
 def _restarted(chosen: argparse.Namespace, overrides: list[str]) -> tuple[Any, Any]:
     """The one run of a directory of results, as it was started."""
-    from coupling.case import run_case_from_dict
-    from coupling.case_schema import CaseFile
+    from coupling.case.files import run_case_from_dict
+    from coupling.case.schema import CaseFile
     from coupling.run_options import RunOptions
 
     refused = {"CASE": chosen.case, "--set": chosen.overrides, "--only": chosen.only, "--out": chosen.out}

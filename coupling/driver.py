@@ -6,22 +6,24 @@ import json
 import time
 from pathlib import Path
 
-from coupling import checkpoint, stages
-from coupling.case_schema import CaseFile, RunCase
+from coupling.results import checkpoint
+
+from coupling.case.schema import CaseFile, RunCase
 from coupling.collective import raised_together
-from coupling.deck_variables import fault_geometry, load_variables, plate_areas
 from coupling.engine.liggghts import LiggghtsEngine
+from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.loading import Ending, Loading
-from coupling.measures import Measures
-from coupling.output import RunOutput, write_atomically
-from coupling.phases import Phases
+from coupling.measures.fault import Measures
+from coupling.measures.sample import SampleMeasures
 from coupling.plan import plan
-from coupling.pore_pressure import PrescribedPressure
-from coupling.progress import Progress
-from coupling.report import write_report
+from coupling.results.output import RunOutput, write_atomically
+from coupling.results.phases import Phases
+from coupling.results.progress import Progress
+from coupling.results.report import write_report
 from coupling.run_options import RunOptions
-from coupling.sample_measures import SampleMeasures
-from coupling.walls import SceneWalls
+from coupling.scene.walls import SceneWalls
+from coupling.stages import prepared
+from coupling.stages.deck_variables import fault_geometry, load_variables, plate_areas
 
 
 def run_case_file(case_file: CaseFile, options: RunOptions) -> int:
@@ -63,14 +65,14 @@ class Run:
         if restart:
             with raised_together(comm):
                 restart_file, state = checkpoint.read(self.directory, case)
-            stage = stages.Stage(restart_file, state["stage"])
+            stage = prepared.Stage(restart_file, state["stage"])
             if state["ranks"] != comm.size:
                 self._tell(f"the checkpoint is of {state['ranks']} ranks and goes on with {comm.size}: the same to rounding, not bitwise")
-            if state["decks_sha256"] != stages.load_deck_digest(case):
+            if state["decks_sha256"] != prepared.load_deck_digest(case):
                 self._tell("the loading deck was changed since the checkpoint was written: the run goes on with what it says now")
         else:
             with self.phases.timed("stages"):
-                stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
+                stage = prepared.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
         fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
         walls = SceneWalls(case.scene, fault.lower, fault.upper, plate_areas(case, fault))
 
@@ -81,7 +83,7 @@ class Run:
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
         with self.phases.timed("engine"):
-            engine.deck(stages.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
+            engine.deck(prepared.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         saved = None
@@ -110,7 +112,7 @@ class Run:
         return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}, "watch": None}
 
     def _flow(self, engine, fault, walls, measures, saved):
-        from coupling import exchange
+        from coupling.fluid import exchange
 
         case, comm = self.case, self.comm
         if not case.needs_mesh:
@@ -118,9 +120,9 @@ class Run:
         if case.flow.kind == "prescribed":
             return exchange.PrescribedFlow(case, engine, comm, walls, PrescribedPressure(case, fault), fault, self.phases)
         # The flow solver loads PETSc.
-        from coupling import held_pressure
-        from coupling.one_way_flow import OneWayFlow
-        from coupling.two_way_flow import TwoWayFlow
+        from coupling.fluid import held_pressure
+        from coupling.fluid.one_way_flow import OneWayFlow
+        from coupling.fluid.two_way_flow import TwoWayFlow
 
         def now() -> tuple[float, float, float]:
             elapsed = engine.step * engine.time_step
@@ -134,7 +136,7 @@ class Run:
     def _tell_of_the_split(self) -> None:
         flow = self.case.flow
         if flow.two_way and flow.split == "staggered":
-            from coupling.staggered_limit import layers_of
+            from coupling.case.staggered_limit import layers_of
 
             longest = layers_of(self.case).longest_interval()
             if flow.interval_steps > longest:
@@ -144,7 +146,7 @@ class Run:
         count, steps = self.case.output.snapshots, self.case.loading_steps
         if count == 0:
             return NoSnapshots()
-        from coupling.snapshots import Snapshots
+        from coupling.results.snapshots import Snapshots
 
         wanted = {round(k * steps / max(count - 1, 1)) for k in range(count)}
         return Snapshots(self.directory, self.comm, wanted, resume_step)

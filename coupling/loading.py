@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from coupling import checkpoint
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
-from coupling.measures import Measures
-from coupling.output import RunOutput
-from coupling.phases import Phases
-from coupling.progress import Progress
-from coupling.sample_measures import SampleMeasures
+from coupling.measures.fault import Measures
+from coupling.measures.sample import SampleMeasures
+from coupling.measures.watch import Watch
+from coupling.results import checkpoint
+from coupling.results.output import RunOutput
+from coupling.results.phases import Phases
+from coupling.results.progress import Progress
+from coupling.scene.walls import SceneWalls
 from coupling.signals import StopRequest
-from coupling.stages import load_deck_digest
-from coupling.walls import SceneWalls
-from coupling.watch import Watch
+from coupling.stages.prepared import load_deck_digest
 
 
 @dataclass

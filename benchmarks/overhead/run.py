@@ -27,7 +27,7 @@ REPOSITORY = HERE.parents[1]
 BUILD = Path(os.environ.get("PORESLIP_BUILD", REPOSITORY / "build"))
 sys.path.insert(0, str(REPOSITORY))
 
-from coupling.case import load_case  # noqa: E402  (needs the path above)
+from coupling.case.files import load_case  # noqa: E402  (needs the path above)
 
 FAULT, SAMPLE = "cases/two_sides/quick.toml", "cases/consolidation/consolidation.toml"
 #: A box of about 8000 grains for the sample.

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from coupling import stages
-from coupling.case import load_case, select_runs
-from coupling.deck_variables import fault_geometry, load_variables
+from coupling.case.files import load_case, select_runs
 from coupling.engine.liggghts import LiggghtsEngine
+from coupling.stages import prepared
+from coupling.stages.deck_variables import fault_geometry, load_variables
 
 
 def main() -> None:
@@ -26,10 +26,10 @@ def main() -> None:
     arguments = parser.parse_args()
     (case,) = select_runs(load_case(arguments.case, arguments.set), [arguments.run]).runs
     comm = MPI.COMM_WORLD
-    stage = stages.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), lambda line: None)
+    stage = prepared.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), lambda line: None)
     fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
     lines = [f"variable {name} index {value}" for name, value in load_variables(case, stage.restart, fault).items()]
-    arguments.deck.write_text("\n".join([*lines, f"include {stages.load_deck(case)}", f"run {arguments.steps}", ""]))
+    arguments.deck.write_text("\n".join([*lines, f"include {prepared.load_deck(case)}", f"run {arguments.steps}", ""]))
 
 
 if __name__ == "__main__":

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import stages
-from coupling.case_schema import RunCase
-from coupling.deck_variables import fault_geometry
+from coupling.case.schema import RunCase
+from coupling.case.staggered_limit import layers_of
 from coupling.errors import ComputationError
 from coupling.stability.grain_limits import GROWN, PERTURBED, AtRest
 from coupling.stability.grain_scenes import FAULT
 from coupling.stability.program_run import Ran, judged, run
 from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome, Scene, bisected, limit
-from coupling.staggered_limit import layers_of
+from coupling.stages import prepared
+from coupling.stages.deck_variables import fault_geometry
 
 #: 138 grains under a load on top, over a drained bottom; 600 steps at a quarter of 0.63 sqrt(m_min / k_n).
 WET = """\
@@ -61,7 +61,7 @@ def wet(*settings: str, figure=borne):
 
 
 def case_of(directory: Path, *settings: str) -> RunCase:
-    from coupling.case import load_case
+    from coupling.case.files import load_case
 
     directory.mkdir(parents=True, exist_ok=True)
     (directory / "case.toml").write_text(WET)
@@ -73,10 +73,10 @@ class Wet(AtRest):
 
     def moves(self, fraction: float, interval: int, steps: int) -> bool:
         """Whether a small motion grows in so many steps with this time step and interval."""
-        from coupling.held_pressure import OfSample
-        from coupling.phases import Phases
-        from coupling.two_way_flow import TwoWayFlow
-        from coupling.walls import SceneWalls
+        from coupling.fluid.held_pressure import OfSample
+        from coupling.results.phases import Phases
+        from coupling.fluid.two_way_flow import TwoWayFlow
+        from coupling.scene.walls import SceneWalls
 
         class Unrefused(TwoWayFlow):
             def _refuse_unstable(self, held) -> None:
@@ -116,7 +116,7 @@ def _at_rest(directory: Path, *settings: str) -> Wet:
     from coupling.engine.liggghts import LiggghtsEngine
 
     case = case_of(directory, *settings)
-    stage = stages.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), lambda text: None)
+    stage = prepared.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), lambda text: None)
     return Wet(case, stage, directory)
 
 

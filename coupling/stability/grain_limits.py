@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import stages
-from coupling.case import load_case
-from coupling.case_schema import PACK, RunCase
-from coupling.deck_variables import fault_geometry, load_variables, stress_variables
+from coupling.case.files import load_case
+from coupling.case.schema import PACK, RunCase
 from coupling.engine.liggghts import LiggghtsEngine
 from coupling.errors import ComputationError
-from coupling.packing import Packing
 from coupling.stability.contact_spectrum import contacts_of, stable_time_step
 from coupling.stability.grain_scenes import SAMPLE, SIZES, of_sizes
 from coupling.stability.scene import FAILED, STABLE, Outcome, Scene, bisected, limit
+from coupling.stages import prepared
+from coupling.stages.deck_variables import fault_geometry, load_variables, stress_variables
+from coupling.stages.packing import Packing
 
 STEPS, STILL_STEPS = 1000, 20000
 #: Speed, m/s, that each component of the grains' velocities begins with, at random; and by how much its energy grows in an unstable pack.
@@ -37,7 +37,7 @@ def _silent(text: str) -> None:
 class AtRest:
     """A pack at rest under its stress, that can be run with any time step; on one rank."""
 
-    def __init__(self, case: RunCase, stage: stages.Stage, directory: Path):
+    def __init__(self, case: RunCase, stage: prepared.Stage, directory: Path):
         from mpi4py import MPI
 
         self.case, self.stage, self._comm, self._log = case, stage, MPI.COMM_SELF, directory / "log.liggghts"
@@ -52,13 +52,13 @@ class AtRest:
         engine.command("unfix stiller")
         engine.write_restart(directory / "still.restart")
         engine.close()
-        self.stage = stages.Stage(directory / "still.restart", stage.manifest)
+        self.stage = prepared.Stage(directory / "still.restart", stage.manifest)
 
     def engine(self, time_step: float) -> LiggghtsEngine:
         engine = LiggghtsEngine(self._comm, self._log)
         fault = fault_geometry(self.case, self.stage.manifest["geometry"], self.case.pack.box_m[2])
         variables = load_variables(self.case, self.stage.restart, fault) | {"time_step": time_step} | {f"motion_{name}": '"velocity 0."' for name in PACK}
-        engine.deck(stages.load_deck(self.case), variables, self.stage.manifest["grains"])
+        engine.deck(prepared.load_deck(self.case), variables, self.stage.manifest["grains"])
         engine.command("reset_timestep 0")
         engine.run(0, setup=True)
         return engine
@@ -114,7 +114,7 @@ def of_sample(within: float, *settings: str, agreement: float = 0.05):
         from mpi4py import MPI
 
         case = case_of(directory, *settings)
-        stage = stages.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), _silent)
+        stage = prepared.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), _silent)
         return AtRest(case, stage, directory).limit(within, agreement)
 
     return act
@@ -145,12 +145,12 @@ def of_two_sizes(apart: float, side: float, large_share: float):
         made = packing.make(directory / "grains.data", len(diameter))
         engine.write_restart(directory / "pack.restart")
         engine.close()
-        packed = stages.Stage(directory / "pack.restart", made | {"geometry": made["walls"]})
+        packed = prepared.Stage(directory / "pack.restart", made | {"geometry": made["walls"]})
         engine = LiggghtsEngine(comm, directory / "log.stress")
         engine.deck(Path(case.decks_directory) / "in.stress_sample", stress_variables(case, packed) | {"settle_steps": 20000}, made["grains"])
         engine.write_restart(directory / "stress.restart")
         engine.close()
-        return AtRest(case, stages.Stage(directory / "stress.restart", packed.manifest), directory).limit(FAR)
+        return AtRest(case, prepared.Stage(directory / "stress.restart", packed.manifest), directory).limit(FAR)
 
     return act
 

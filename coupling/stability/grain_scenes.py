@@ -33,7 +33,7 @@ strain_rate_per_s = 5.0
 #: Box, m, and diameters, m, by how far apart the sizes are.
 SIZES = {"1.2": (0.01, (1.8e-3, 2.2e-3)), "3": (0.012, (1e-3, 3e-3)), "10": (0.02, (5e-4, 5e-3))}
 FRACTIONS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.2)
-#: What is stable by coupling/time_step_limit.py with the default contacts, over 0.63 sqrt(m_min / k_n).
+#: What is stable by coupling/case/time_step_limit.py with the default contacts, over 0.63 sqrt(m_min / k_n).
 HOLDS = 0.81
 
 

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from coupling.output import write_atomically
+from coupling.results.output import write_atomically
 from coupling.stability.scene import Outcome
 
 COLUMNS = ("scene", "what", "may_end", "ended", "as_it_may", "limit_found", "limit_predicted", "unit", "figure", "wall_s")
@@ -54,7 +54,7 @@ def page(lines: list[Line]) -> str:
         "    ./poreslip stability", "",
         "*stable*: came to its end, and is sound by the figure beside it. *refused*: caught before the first step. *stopped*: caught in the run. Each with",
         "the message that a user reads; *warned*: told of in the run's report. *failed* would be a crash, a hang, or a wrong answer without a word.", "",
-        "What catches: coupling/time_step_limit.py, two_way_checks.py and staggered_limit.py beforehand; in the run coupling/watch.py, with every line of the",
+        "What catches: time_step_limit.py and staggered_limit.py of coupling/case and coupling/fluid/two_way_checks.py beforehand; in the run coupling/measures/watch.py, with each line of the",
         "history: finite numbers, overlaps below 0.2 d, no grain through a wall, and no energy that the work of walls and fluid does not account for.", "",
         f"{len(lines)} scenes: " + ", ".join(f"{count} {ended}" for ended, count in sorted(counts.items()))
         + (f". **Not as they may end: {', '.join(wrong)}.**" if wrong else "; each as it may end."),

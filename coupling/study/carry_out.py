@@ -15,7 +15,7 @@ from postproc.observables import OBSERVABLES, NotObserved, Observed, ResultFiles
 from postproc.references import ANALYTIC
 
 from coupling.errors import ComputationError, InputError
-from coupling.output import write_atomically
+from coupling.results.output import write_atomically
 from coupling.study.plan import Plan, Setting
 from coupling.study.runner import Runner
 from coupling.study.schema import Observable, Study, load_study

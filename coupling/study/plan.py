@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from coupling import __version__
-from coupling.case import load_case, select_runs
-from coupling.case_schema import SECTIONS, RunCase
+from coupling.case.files import load_case, select_runs
+from coupling.case.schema import SECTIONS, RunCase
 from coupling.errors import InputError
 from coupling.study.schema import Command, Study
 
@@ -150,7 +150,7 @@ class Plan:
                     meant = f" (did you mean {match[0]}?)" if match else ""
                     what = "no input of a case" if command.case else "no option of poreflow"
                     raise InputError(f"{key}, which the study gives to [{name}], is {what}{meant}; see " + (
-                        "coupling/case_schema.py." if command.case else "`poreflow --help`."))
+                        "coupling/case/schema.py." if command.case else "`poreflow --help`."))
 
     @staticmethod
     def _case_keys() -> list[str]:

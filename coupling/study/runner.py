@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coupling.native import REPOSITORY
-from coupling.output import write_atomically
+from coupling.results.output import write_atomically
 from coupling.study.plan import Job
 
 FINISHED = "finished.json"

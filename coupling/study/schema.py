@@ -18,8 +18,8 @@ import cattrs
 from postproc.observables import OBSERVABLES
 from postproc.references import ANALYTIC
 
-from coupling.case import nearest
-from coupling.case_schema import SECTIONS
+from coupling.case.files import nearest
+from coupling.case.schema import SECTIONS
 from coupling.errors import InputError
 
 #: A setting has at most this many parameters; those that are spread over come on top.

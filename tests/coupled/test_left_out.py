@@ -83,7 +83,7 @@ def test_only_the_phases_of_its_kind_are_entered(probe, kind):
     assert set(entered) == phases
     assert ("poreforce/two_way" in (directory / "log.liggghts").read_text()) == (kind == "two-way")
     assert ("solver" in report and bool(report["solver"])) == (kind in ("one-way", "two-way"))
-    assert ("coupling.two_way_flow" in modules) == (kind in ("one-way", "two-way"))
+    assert ("coupling.fluid.two_way_flow" in modules) == (kind in ("one-way", "two-way"))
 
 
 def test_only_a_solved_flow_holds_its_memory(probe):

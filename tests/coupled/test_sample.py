@@ -8,8 +8,8 @@ import pytest
 from sample_runs import CASES, Result, terzaghi
 from tiny_fault import settings
 
-from coupling.case import load_case
-from coupling.staggered_limit import layers_of
+from coupling.case.files import load_case
+from coupling.case.staggered_limit import layers_of
 
 STRESS_STEP = 1e6
 #: Faster than the case file's, with T_v up to 0.75 in 1600 steps.

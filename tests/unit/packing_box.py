@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from coupling.case import load_case
-from coupling.case_schema import DECKS
+from coupling.case.files import load_case
+from coupling.case.schema import DECKS
 from coupling.engine.liggghts import LiggghtsEngine
-from coupling.pack import write_grains
-from coupling.packing import Packing
+from coupling.stages.pack import write_grains
+from coupling.stages.packing import Packing
 
 
 def main(case_file: str, directory: Path, *overrides: str) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from coupling.case import load_case, run_case_from_dict, select_runs
-from coupling.case_schema import SECTIONS
+from coupling.case.files import load_case, run_case_from_dict, select_runs
+from coupling.case.schema import SECTIONS
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

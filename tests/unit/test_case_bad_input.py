@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from coupling.case import load_case, run_case_from_dict, select_runs
+from coupling.case.files import load_case, run_case_from_dict, select_runs
 from coupling.errors import InputError
 
 HEAD = 'scene = "two_sides"\npressure.left_target_Pa = 1e7\n'

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from coupling.case import load_case
-from coupling.case_schema import Sample
-from coupling.deck_variables import load_variables
+from coupling.case.files import load_case
+from coupling.case.schema import Sample
 from coupling.errors import InputError
+from coupling.stages.deck_variables import load_variables
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 TEXT = 'scene = "sample"\nflow.kind = "solve"\n'

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from coupling import __version__
-from coupling.case import load_case
+from coupling.case.files import load_case
 from coupling.command_line import main
 from coupling.errors import ComputationError
 

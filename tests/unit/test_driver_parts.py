@@ -7,11 +7,11 @@ import time
 import pytest
 from tiny_fault import TINY
 
-from coupling.case import load_case
-from coupling.checkpoint import all_in, case_digest, remove_partial
-from coupling.output import write_atomically
-from coupling.phases import Phases
-from coupling.progress import Progress
+from coupling.case.files import load_case
+from coupling.results.checkpoint import all_in, case_digest, remove_partial
+from coupling.results.output import write_atomically
+from coupling.results.phases import Phases
+from coupling.results.progress import Progress
 
 
 @pytest.fixture

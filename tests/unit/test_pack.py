@@ -10,14 +10,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coupling.case_schema import Pack
+from coupling.case.schema import Pack
 from coupling.engine.interface import Contacts
-from coupling.pack import aimed_porosity, densest_porosity, exchange_step, is_loose, packing_friction, random_porosity, write_grains
-from coupling.packing import solid_volume_within
-from coupling.size_exchange import exchange_sizes
+from coupling.stages.pack import aimed_porosity, densest_porosity, exchange_step, is_loose, packing_friction, random_porosity, write_grains
+from coupling.stages.packing import solid_volume_within
+from coupling.stages.size_exchange import exchange_sizes
 
 BOX = (0.02, 0.014, 0.016)
-#: What the fits of coupling/pack.py are good for, in boxes this small.
+#: What the fits of coupling/stages/pack.py are good for, in boxes this small.
 POROSITY_TOLERANCE, SIZE_TOLERANCE = 0.015, 0.012
 MAKE = Path(__file__).with_name("packing_box.py")
 

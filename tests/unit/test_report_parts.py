@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from coupling.phases import Phases
-from coupling.report import speeds
-from coupling.stated_ranges import STATED_RANGES, warnings
+from coupling.results.phases import Phases
+from coupling.results.report import speeds
+from coupling.results.stated_ranges import STATED_RANGES, warnings
 
 
 def busy(seconds: float) -> None:

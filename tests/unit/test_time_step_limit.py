@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupling.case import load_case
+from coupling.case.files import load_case
+from coupling.case.time_step_limit import stable_time_step
 from coupling.errors import InputError
 from coupling.stability.contact_spectrum import Contacts, stable_time_step as longest_by_spectrum
-from coupling.time_step_limit import stable_time_step
 
 KN, MASS, RADIUS = 8e7, 1.1e-5, 1e-3
 

@@ -1,6 +1,6 @@
 """The pack stage: in.pack pushes the grains apart, and what the decks cannot express is done here between short runs.
 
-A dense pack is made without friction, and its grains exchange sizes (coupling/size_exchange.py) until the box of the wanted size
+A dense pack is made without friction, and its grains exchange sizes (coupling/stages/size_exchange.py) until the box of the wanted size
 bears no more than the confining stress. In a pack looser than a random frictionless one, friction lets the forces rest on fewer
 grains: the more of it, the more grains are left without contacts, and those are taken out. Either way the walls bear the confining
 stress at the end, and grains without contacts are gone.
@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling.balance import ids_in_contact, settle
-from coupling.case_schema import RunCase
-from coupling.deck_variables import pack_variables
+from coupling.case.schema import RunCase
 from coupling.engine.interface import Engine
-from coupling.pack import aimed_porosity, is_loose, packing_friction
-from coupling.size_exchange import exchange_sizes
-from coupling.walls import PACK, wall_positions
+from coupling.scene.walls import PACK, wall_positions
+from coupling.stages.balance import ids_in_contact, settle
+from coupling.stages.deck_variables import pack_variables
+from coupling.stages.pack import aimed_porosity, is_loose, packing_friction
+from coupling.stages.size_exchange import exchange_sizes
 
 #: Carried out after `in.pack`, from the same directory.
 RELEASE_DECK = "in.pack_release"

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
-from coupling.walls import SceneWalls
+from coupling.scene.walls import SceneWalls
 
 #: Largest overlap over a mean diameter: beyond it a contact is no longer small against its grains, neither the linear law nor the pores mean anything.
 MOST_OVERLAP = 0.2

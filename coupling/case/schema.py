@@ -2,7 +2,7 @@
 
 All inputs are in SI units; a unit stands in the key where a quantity has one (`_m`, `_Pa`, `_per_s`). "Table I" is that of
 Yang & Juanes (2018), "the paper"; where the paper is silent or contradicts itself, the comment says what is taken and why.
-`allowed` attaches the range that coupling/case_checks.py enforces.
+`allowed` attaches the range that coupling/case/checks.py enforces.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from coupling.case.time_step_limit import stable_time_step
 from coupling.native import REPOSITORY
-from coupling.time_step_limit import stable_time_step
 
 
 def allowed(
@@ -135,7 +135,7 @@ class Loading:
     # for good once the gouge has slid.
     stop_vertical_strain: float = allowed(0.02, above=0.0, below=1.0)
     # Time step over 0.63 sqrt(m_min / k_n), about the limit of a dense pack without damping. What stays stable depends on k_s / k_n and on the
-    # damping besides (0.82 with the defaults, see coupling/time_step_limit.py); more is refused.
+    # damping besides (0.82 with the defaults, see coupling/case/time_step_limit.py); more is refused.
     time_step_fraction: float = allowed(0.5, above=0.0, at_most=1.0)
     # Values for the `variable ... index` lines of liggghts-inputs/in.load, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from flowsolver.flow import FlowResult
 
-from coupling.exchange import Dry, StandingForces
-from coupling.two_way_flow import SOLVER_TOLERANCE, TwoWayFlow
+from coupling.fluid.exchange import Dry, StandingForces
+from coupling.fluid.two_way_flow import SOLVER_TOLERANCE, TwoWayFlow
 
 
 class OneWayFlow(StandingForces, TwoWayFlow):

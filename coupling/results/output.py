@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling import checkpoint
 from coupling.errors import InputError
+from coupling.results import checkpoint
 
 BOND_COLUMNS = ("step", "strain", "id_i", "id_j", "mode", "x_m", "y_m", "z_m", "force_normal_N", "force_shear_N", "energy_J")
 BREAK_MODES = {1: "tension", 2: "shear"}

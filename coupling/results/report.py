@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.engine.interface import Engine
 from coupling.loading import Ending, Loading
-from coupling.output import RunOutput
-from coupling.phases import Phases, peak_memory_bytes
-from coupling.stated_ranges import BALANCES, STATED_RANGES, warnings
+from coupling.results.output import RunOutput
+from coupling.results.phases import Phases, peak_memory_bytes
+from coupling.results.stated_ranges import BALANCES, STATED_RANGES, warnings
 
 #: What the report says of the pack, from the stage's manifest.
 PACK_FIGURES = ("grains", "floaters", "porosity_aim", "porosity", "porosity_bulk", "size_m", "stress_Pa", "friction")

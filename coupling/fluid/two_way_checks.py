@@ -10,10 +10,10 @@ from flowsolver.flow import Boundary, PoreFlow
 from flowsolver.network import PoreNetwork
 from flowsolver.two_way_limit import undrained_time_step, undrained_wall_stiffness
 
-from coupling.case_schema import PACK, RunCase
-from coupling.deck_variables import SERVO_GAIN
+from coupling.case.schema import PACK, RunCase
 from coupling.engine.interface import WallState
 from coupling.errors import InputError
+from coupling.stages.deck_variables import SERVO_GAIN
 
 
 def check_undrained(case: RunCase, mass: np.ndarray, network: PoreNetwork, flow: PoreFlow, boundary: Boundary, walls: dict[str, WallState]) -> None:

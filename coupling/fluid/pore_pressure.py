@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.errors import ComputationError
-from coupling.fault_geometry import FaultGeometry
+from coupling.scene.fault_geometry import FaultGeometry
 
 
 class PrescribedPressure:

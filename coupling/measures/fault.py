@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.engine.interface import Engine
-from coupling.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry
-from coupling.pressure_measures import BAND_DIAMETERS
-from coupling.walls import SceneWalls, wall_positions
+from coupling.measures.pressure import BAND_DIAMETERS
+from coupling.scene.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry
+from coupling.scene.walls import SceneWalls, wall_positions
 
 HISTORY_COLUMNS = (
     "step", "time_s", "strain", "vertical_strain", "sigma_h_left_Pa", "sigma_h_right_Pa", "sigma_v_Pa", "sigma_n_Pa",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling.case_schema import Pack
+from coupling.case.schema import Pack
 
 #: Room around the box for the walls to move in, as a fraction of its longest side.
 MARGIN = 0.1

@@ -19,15 +19,15 @@ from flowsolver.network import PoreNetwork
 from flowsolver.transfer import carry_pressure
 from flowsolver.two_way import TwoWayCoupling
 
-from coupling.case_schema import FACES, RunCase
+from coupling.case.schema import FACES, RunCase
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
-from coupling.exchange import Dry
-from coupling.held_pressure import HeldPressure
-from coupling.phases import Phases
-from coupling.pressure_measures import around_grains
-from coupling.two_way_checks import check_undrained
-from coupling.walls import GROUPS, SceneWalls
+from coupling.fluid.exchange import Dry
+from coupling.fluid.held_pressure import HeldPressure
+from coupling.fluid.two_way_checks import check_undrained
+from coupling.measures.pressure import around_grains
+from coupling.results.phases import Phases
+from coupling.scene.walls import GROUPS, SceneWalls
 
 #: Names of flow.split as the flow solver has them.
 SPLITS = {"undrained": "undrained", "predicted": "predicted", "staggered": "drained"}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.balance import unbalanced_force_ratio
-from coupling.case_schema import FACES, PACK, RunCase
+from coupling.case.schema import FACES, PACK, RunCase
 from coupling.engine.interface import Engine
-from coupling.fault_geometry import FaultGeometry
-from coupling.measures import inertial_number, loading_rate
-from coupling.walls import SceneWalls, wall_positions
+from coupling.measures.fault import inertial_number, loading_rate
+from coupling.scene.fault_geometry import FaultGeometry
+from coupling.scene.walls import SceneWalls, wall_positions
+from coupling.stages.balance import unbalanced_force_ratio
 
 SAMPLE_COLUMNS = (
     "step", "time_s", "strain_x", "strain_y", "strain_z", "sigma_x_Pa", "sigma_y_Pa", "sigma_z_Pa",

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from coupling.case_schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS, RunCase
+from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS, RunCase
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
@@ -148,7 +148,7 @@ def _fluid(run: RunCase) -> Iterator[Problem]:
             yield "fluid.compressibility_per_Pa", "must be above 0 in a sealed box; or hold a pressure at one of fluid.faces"
     if run.flow.two_way and run.flow.split == "staggered":
         # Deferred: the estimate needs numpy.
-        from coupling.staggered_limit import MARGIN, layers_of
+        from coupling.case.staggered_limit import MARGIN, layers_of
 
         longest = layers_of(run).longest_interval()
         if run.flow.interval_steps > MARGIN * longest:

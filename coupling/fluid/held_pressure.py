@@ -9,11 +9,11 @@ import numpy as np
 from flowsolver.flow import Boundary
 from flowsolver.network import PoreNetwork
 
-from coupling.case_schema import FACES, RunCase
+from coupling.case.schema import FACES, RunCase
 from coupling.collective import raised_together
-from coupling.fault_geometry import FaultGeometry
-from coupling.pore_pressure import PrescribedPressure
-from coupling.pressure_measures import beside_gouge
+from coupling.fluid.pore_pressure import PrescribedPressure
+from coupling.measures.pressure import beside_gouge
+from coupling.scene.fault_geometry import FaultGeometry
 
 
 class HeldPressure(Protocol):

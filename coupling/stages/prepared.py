@@ -14,16 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coupling import __version__
-from coupling.balance import settle
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.collective import raised_together
-from coupling.deck_variables import bond_variables, fault_geometry, loaded_areas, pack_variables, stress_variables
 from coupling.engine.interface import Engine
 from coupling.errors import InputError
-from coupling.pack import write_grains
-from coupling.packing import RELEASE_DECK, Packing
+from coupling.scene.walls import SCENE_WALLS, wall_positions
 from coupling.signals import StopRequest
-from coupling.walls import SCENE_WALLS, wall_positions
+from coupling.stages.balance import settle
+from coupling.stages.deck_variables import bond_variables, fault_geometry, loaded_areas, pack_variables, stress_variables
+from coupling.stages.pack import write_grains
+from coupling.stages.packing import RELEASE_DECK, Packing
 
 RESTART, MANIFEST = "engine.restart", "manifest.json"
 #: Balance that the initial stress ends with: mean unbalanced force over mean contact force.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coupling.case_schema import PACK
+from coupling.case.schema import PACK
 from coupling.engine.interface import Engine, WallState
-from coupling.fault_geometry import GOUGE, LEFT, RIGHT
+from coupling.scene.fault_geometry import GOUGE, LEFT, RIGHT
 
 GROUPS = (LEFT, GOUGE, RIGHT)
 

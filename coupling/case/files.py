@@ -14,8 +14,8 @@ from typing import Any
 
 import cattrs
 
-from coupling.case_checks import allowed_text, problems, toml_text
-from coupling.case_schema import DECKS, ENGINES, SCENES, SECTIONS, CaseFile, RunCase
+from coupling.case.checks import allowed_text, problems, toml_text
+from coupling.case.schema import DECKS, ENGINES, SCENES, SECTIONS, CaseFile, RunCase
 from coupling.errors import InputError
 
 _TOP = ("title", "scene", "engine", "decks_directory")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from coupling.case_schema import PACK, RunCase
-from coupling.fault_geometry import LEFT, RIGHT, FaultGeometry
-from coupling.pack import exchange_step, packing_friction
+from coupling.case.schema import PACK, RunCase
+from coupling.scene.fault_geometry import LEFT, RIGHT, FaultGeometry
+from coupling.stages.pack import exchange_step, packing_friction
 
 #: Neighbour lists reach this far beyond contact, in mean diameters: about the cheapest in dense packs.
 SKIN_DIAMETERS = 0.1

@@ -7,15 +7,15 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coupling.case_schema import RunCase
+from coupling.case.schema import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
-from coupling.fault_geometry import FaultGeometry
-from coupling.phases import Phases
-from coupling.pore_pressure import PrescribedPressure
-from coupling.pressure_measures import around_grains, beside_gouge
-from coupling.walls import SceneWalls
+from coupling.fluid.pore_pressure import PrescribedPressure
+from coupling.measures.pressure import around_grains, beside_gouge
+from coupling.results.phases import Phases
+from coupling.scene.fault_geometry import FaultGeometry
+from coupling.scene.walls import SceneWalls
 
 
 class Dry:

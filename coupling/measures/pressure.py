@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coupling.fault_geometry import FaultGeometry
+from coupling.scene.fault_geometry import FaultGeometry
 
 if TYPE_CHECKING:
     from flowsolver.network import PoreNetwork

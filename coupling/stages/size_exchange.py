@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.engine.interface import Engine
-from coupling.walls import wall_positions
+from coupling.scene.walls import wall_positions
 
 #: Steps are in standard deviations of the radius, but of at most this part of the mean radius: the room between neighbours, and not the spread of
 #: the sizes, then limits them.

@@ -1,0 +1,1 @@
+"""The pore fluid of a run: prescribed, or solved one-way or two-way."""

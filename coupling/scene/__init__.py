@@ -1,0 +1,1 @@
+"""Where the fault and the walls are."""

@@ -1,0 +1,1 @@
+"""What comes before loading: the pack, its initial stress, the bonds."""
