@@ -111,17 +111,18 @@ std::optional<Outcome> PoreNetwork::keep(const GrainInput& input) {
   walls_ = make_wall_spheres(domain_, wall_position_);
   if (trusted_displacement_ > 0.0 && displacement_since_look() <= trusted_displacement_) return Outcome::kept;
   const Certificate certificate = certify(mesh_, local_, walls_);
-  std::array<std::int64_t, 4> total{static_cast<std::int64_t>(certificate.violated_facets.size()), certificate.inverted_cells,
-                                    certificate.exact_tests, static_cast<std::int64_t>(halo_.grains().size())};
-  MPI_Allreduce(MPI_IN_PLACE, total.data(), 4, MPI_INT64_T, MPI_SUM, comm_);
+  // What decides is the same on all ranks, of which some may have no grains.
+  std::array<std::int64_t, 5> total{static_cast<std::int64_t>(certificate.violated_facets.size()), certificate.inverted_cells,
+                                    certificate.exact_tests, static_cast<std::int64_t>(halo_.grains().size()),
+                                    static_cast<std::int64_t>(mesh_.facets())};
+  MPI_Allreduce(MPI_IN_PLACE, total.data(), 5, MPI_INT64_T, MPI_SUM, comm_);
   report_.exact_tests = total[2];
   look();
   if (total[0] == 0 && total[1] == 0) return Outcome::kept;
   // Copies of a cell on other ranks, or in other periods, would have to be flipped alike: there the mesh is made anew.
-  if (total[1] > 0 || total[3] > 0 || total[0] * repair_one_in > static_cast<std::int64_t>(mesh_.facets()))
-    return std::nullopt;
+  if (total[1] > 0 || total[3] > 0 || total[0] * repair_one_in > total[4]) return std::nullopt;
   const auto cells = flip(mesh_, local_, walls_, certificate.violated_facets);
-  if (!cells) return std::nullopt;
+  if (any_rank(comm_, !cells)) return std::nullopt;
   if (remember_previous_) leave_behind();
   take(*cells);
   return Outcome::repaired;

@@ -61,7 +61,7 @@ if not all(periodic):
             for step in range(3):
                 coupling.move(np.cos((3 + step) * x[own] + interval) * 1e-4, 1e-9, walls)
             if interval < 2:
-                coupling.fluid.exchange()
+                coupling.exchange()
         force, wall_force = coupling.forces()
         everywhere = np.zeros_like(x)
         everywhere[own] = force

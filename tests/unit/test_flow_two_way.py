@@ -33,7 +33,7 @@ def test_undrained_box_answers_at_once(pack):
     squeezed = net.volume_rate(np.zeros_like(x), lid)
     np.testing.assert_allclose(coupling.pressure, -squeezed / flow.storage, rtol=1e-12)
     held = (flow.storage * coupling.pressure).sum()
-    coupling.fluid.exchange()
+    coupling.exchange()
     assert (flow.storage * coupling.pressure).sum() == pytest.approx(held, rel=1e-9)
     assert np.ptp(coupling.pressure) < 1e-4 * coupling.pressure.mean()
 
@@ -52,7 +52,7 @@ def test_work_and_mass_close_every_interval(pack, split):
             lost += coupling.pressure @ net.volume_rate(velocity, walls) * 1e-8
             coupling.move(velocity, 1e-8, walls)
         assert gained == pytest.approx(lost, rel=1e-10)
-        assert coupling.fluid.exchange().mass_residual < 1e-10
+        assert coupling.exchange().mass_residual < 1e-10
 
 
 def test_steps_have_the_networks_coefficients(pack):
@@ -80,7 +80,7 @@ def test_all_splits_have_the_same_solve(pack):
     for split in ("undrained", "predicted", "drained"):
         coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.full(net.pores, 1e4), split)
         coupling.move(velocity, 1e-7)
-        coupling.fluid.exchange()
+        coupling.exchange()
         after.append(coupling.pressure)
     np.testing.assert_array_equal(after[0], after[1])
     np.testing.assert_array_equal(after[0], after[2])
@@ -99,7 +99,7 @@ def test_predicted_pressures_go_on_draining(pack):
             coupling.begin(coupling.pressure, coupling.drainage)
             coupling.move(np.zeros_like(x), dt)
             felt = coupling.pressure
-            solved = coupling.fluid.exchange().pressure
+            solved = coupling.exchange().pressure
         return np.abs(felt - solved).max() / 1e4
 
     assert lag("undrained", 2) / lag("undrained", 4) == pytest.approx(2.0, rel=0.1)
@@ -114,7 +114,7 @@ def test_a_new_mesh_between_intervals(pack):
     for _ in range(6):
         step = rng.normal(size=x.shape) * 3e-4
         coupling.move(step / 1e-6, 1e-6)
-        coupling.fluid.exchange()
+        coupling.exchange()
         x = np.clip(x + step, 0.01, 0.99)
         outcomes.add(coupling.update(np.arange(120), x, r, UNIT_BOX))
         assert len(coupling.pressure) == net.pores and np.isfinite(coupling.pressure).all()
@@ -132,7 +132,7 @@ def test_bad_input(pack):
         TwoWayCoupling(net, flow, DRAINED_BELOW, p, law="half")
     coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, p)
     with pytest.raises(InputError, match=r"at least one move\(\)"):
-        coupling.fluid.exchange()
+        coupling.exchange()
     with pytest.raises(InputError, match="dt is nan"):
         coupling.move(np.zeros_like(x), float("nan"))
     coupling.move(np.zeros_like(x), 1.0)
