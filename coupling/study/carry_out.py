@@ -50,14 +50,16 @@ def carry_out(file: str, root: Path, dry_run: bool) -> int:
     paths.results.mkdir(parents=True, exist_ok=True)
     work = Work(study, plan, runner)
     # The end of a job's process is as much wanted on SIGTERM as on Ctrl-C.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # SIGINT too: what a shell starts in the background ignores it.
+    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         work.carry_out()
     except KeyboardInterrupt:
         print(f"{study.stem}  stopped; the same command goes on from here", flush=True)
         return 130
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         if work.rows:
             write_table(work.rows, paths.results / TABLE)
     _write(study, work.rows, paths, file)
