@@ -32,6 +32,8 @@ from coupling.case.files import load_case  # noqa: E402  (needs the path above)
 FAULT, SAMPLE = "cases/two_sides/quick.toml", "cases/consolidation/consolidation.toml"
 #: A box of about 8000 grains for the sample.
 SAMPLE_BOX = "pack.box_m=[0.038, 0.038, 0.038]"
+#: Those are asked for, not overhead.
+NO_SNAPSHOTS = "output.snapshots=0"
 #: So small a pressure changes no trajectory, and costs what any does.
 FAINT = ("pressure.left_target_Pa=1.0", "pressure.right_target_Pa=1.0")
 
@@ -81,8 +83,8 @@ class Case:
 def rows() -> list[tuple[str, str | None, Callable, tuple[int, int]]]:
     """Name, the name of the row that it is compared with, the timed run, and its numbers of steps."""
     strain, time = "loading.horizontal_strain", "sample.loading_time_s"
-    dry = Case(FAULT, "case5", strain)
-    prescribed = Case(FAULT, "case1", strain, *FAINT)
+    dry = Case(FAULT, "case5", strain, NO_SNAPSHOTS)
+    prescribed = Case(FAULT, "case1", strain, NO_SNAPSHOTS, *FAINT)
     quiet = Case(SAMPLE, "dry", time, SAMPLE_BOX)
     coupled = Case(SAMPLE, "two_way", time, SAMPLE_BOX)
     fault, sample = (1000, 5000), (1000, 4000)
