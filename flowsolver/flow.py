@@ -13,7 +13,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from flowsolver.native import load
-from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, PoreNetwork, checked_array
+from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ForceLaw, PoreNetwork, checked_array
 
 # A rank is one thread. PETSc's vector operations would start others, which wait for work by spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -125,6 +125,8 @@ class PoreFlow:
         """Take up the network's present geometry. body_force : (3,) Pa/m, on the fluid, such as density times gravity."""
         faults: list[str] = []
         force = checked_array("body_force", body_force, np.float64, (3,), faults)
+        if not np.isfinite(force).all():
+            faults.append(f"body_force is {force}: expected finite numbers in Pa/m")
         self.network.agree(faults)
         self.body_force = force
         self._native.refresh([float(f) for f in force])
@@ -179,6 +181,10 @@ class PoreFlow:
         after, report = self._native.step_explicit(fixed, start, source, rate, float(dt), LIMIT_SHARE, most_substeps)
         supply = self._native.outflow(after) - source + rate
         return FlowResult(after, self._outflow(boundary, owner, supply), None, report)
+
+    def forces(self, pressure: ArrayLike, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """`PoreNetwork.forces` of pressures (m,) Pa, with the body force of the last `refresh`."""
+        return self.network.forces(pressure, law, self.body_force)
 
     def darcy_velocity(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """(3,) float64, m/s: flow at these pressures, (m,) Pa, averaged over the box. Collective."""

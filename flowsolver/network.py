@@ -131,7 +131,10 @@ class PoreNetwork:
         if len(planes) == 0 and not faults:
             faults.append("wall_position has no rows: expected one for each group of grains")
         self.agree(faults)
-        return self._native.update(ids, positions, radii, groups, planes, rebuild)
+        outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
+        # A copy, for the caller's may be an engine's own memory.
+        self._radius, self._planes = radii.copy(), planes.copy()
+        return outcome
 
     def remember_previous(self, remember: bool = True) -> None:
         """Whether a mesh that is given up leaves its pores behind, for `transfer.carry_pressure` (local)."""
@@ -191,7 +194,9 @@ class PoreNetwork:
         """Numbers of pores and throats, over all ranks, that a limiter at these shares of cell and facet touches."""
         return self._native.limited(least_open_share, least_void_share)
 
-    def forces(self, pressure: ArrayLike, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def forces(
+        self, pressure: ArrayLike, law: ForceLaw = "total", body_force: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Forces of given pore pressures on grains and walls.
 
         Parameters
@@ -201,6 +206,10 @@ class PoreNetwork:
         law
             "total": the gradient of the pore volumes, F_g = sum_k p_k dV_k/dx_g; "pressure": (2) alone, without the throats'
             viscous drag.
+        body_force : (3,) Pa/m
+            b, on the fluid, that these pressures were computed with. The pressure b . x of a fluid at rest acts on whole grains, of which
+            each feels the buoyancy -b V_g, and evenly on the walls; what is left of the pressures drags at the throats. Grains and walls
+            together bear b times the box less the grains, along periods too. With one group of walls only.
 
         Returns
         -------
@@ -211,8 +220,34 @@ class PoreNetwork:
         if law not in ("total", "pressure"):
             faults.append(f'law is {law!r}: expected "total" or "pressure"')
         pressures = checked_array("pressure", pressure, np.float64, (self.pores,), faults)
+        body = checked_array("body_force", body_force, np.float64, (3,), faults)
+        if not np.isfinite(body).all():
+            faults.append(f"body_force is {body}: expected finite numbers in Pa/m")
+        elif body.any() and self._native.groups != 1:
+            faults.append(f"forces of a body force want walls of one group: wall_position has {self._native.groups} rows")
         self.agree(faults)
-        return self._native.forces(pressures, law)
+        if not body.any():
+            return self._native.forces(pressures, law)
+        centre = self._native.unwrapped_centre()
+        force, wall_force = self._native.forces(pressures - centre @ body, law)
+        along_periods = np.where(self.periodic, body, 0.0)
+        if along_periods.any():
+            # Along a period b . x has many values. A wall feels the pressure of each pore, which within the pore has the gradient b.
+            wall_force = self._native.forces(pressures - centre @ (body - along_periods), law)[1]
+            wall_force += self._native.wall_forces_of_gradient([float(b) for b in along_periods])
+        force -= 4 / 3 * np.pi * self._radius[:, None] ** 3 * body
+        return force, wall_force + self._pressed_at_rest(body - along_periods)
+
+    def _pressed_at_rest(self, body_force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(1, 6) N, outward: of the pressure b . x on the walls."""
+        lower, upper = (np.where(self.periodic, face, plane) for face, plane in zip(self._faces.reshape(3, 2).T, self._planes.reshape(3, 2).T))
+        force = np.zeros((1, 6))
+        for axis in np.flatnonzero(~np.array(self.periodic)):
+            middle = (lower + upper) / 2
+            for side, plane in enumerate((lower, upper)):
+                middle[axis] = plane[axis]
+                force[0, 2 * axis + side] = np.delete(upper - lower, axis).prod() * (middle @ body_force)
+        return force
 
     def volume_rate(self, velocity: ArrayLike, wall_velocity: ArrayLike | None = None) -> NDArray[np.float64]:
         """Rate of change of each pore's volume, (m,) float64, m^3/s.

@@ -93,6 +93,14 @@ NB_MODULE(poreslip_network, m) {
           },
           "(m, 3) float64, m, local: centroid of each cell, inside the box along periodic directions.")
       .def(
+          "unwrapped_centre",
+          [](PoreNetwork& self) {
+            auto out = new_array<double>({self.pores(), 3});
+            self.unwrapped_centre(out.data());
+            return out;
+          },
+          "(m, 3) float64, m, local: centroid of each cell, where its neighbours on this rank are beside it, across periods too.")
+      .def(
           "cell_volume",
           [](PoreNetwork& self) {
             auto out = new_array<double>({self.pores()});
@@ -174,6 +182,16 @@ NB_MODULE(poreslip_network, m) {
           nb::arg("pressure"), nb::arg("law"),
           "pressure (m,) float64, Pa; law \"total\" or \"pressure\". Returns force (n, 3) float64, N, in the order of the last "
           "update, and wall_force (G, 6) float64, N, outward, summed over ranks.")
+      .def(
+          "wall_forces_of_gradient",
+          [](PoreNetwork& self, std::array<double, 3> gradient) {
+            auto wall_force = new_array<double>({self.groups(), 6});
+            self.wall_forces_of_gradient(gradient.data(), wall_force.data());
+            return wall_force;
+          },
+          nb::arg("gradient"),
+          "gradient (3,), Pa/m, along the walls. Returns wall_force (G, 6) float64, N, outward, summed over ranks: of a pressure that in "
+          "each cell is gradient . (x - its centroid).")
       .def(
           "volume_rate",
           [](PoreNetwork& self, In<double, nb::shape<-1, 3>> velocity, In<double, nb::shape<-1, 6>> wall_velocity) {

@@ -250,6 +250,15 @@ void add_wall_forces(const CellView& cells, const GrainView& grains, const bool*
   });
 }
 
+void add_wall_forces_of_gradient(const CellView& cells, const GrainView& grains, const bool* counted, const double* centre,
+                                 const Vector3& gradient, double* force) {
+  for_each_gap_gradient(cells, grains, [&](std::size_t c, Vertex grain, Vertex wall, double area) {
+    // Weighted with these areas, the grains' places along the wall have their mean in the roof's centroid.
+    const Vector3 from_centre = grains.position(grain) - Vector3{centre[3 * c], centre[3 * c + 1], centre[3 * c + 2]};
+    if (counted[c]) force[6 * grains.group[grain] + wall_of(wall)] += area * dot(gradient, from_centre);
+  });
+}
+
 void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const double* wall_velocity, double* rate) {
   for_each_gap_gradient(cells, grains, [&](std::size_t c, Vertex grain, Vertex wall, double gradient) {
     rate[c] += gradient * wall_velocity[6 * grains.group[grain] + wall_of(wall)];

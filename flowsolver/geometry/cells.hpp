@@ -24,6 +24,11 @@ void cell_centroids(const CellView& cells, const GrainView& grains, double* cent
 void add_wall_forces(const CellView& cells, const GrainView& grains, const bool* counted, const double* pressure,
                      double* force);
 
+// Force on the walls, N, outward positive, of a pressure that in each cell is gradient . (x - its centroid), for a gradient (3), Pa/m,
+// along the walls. counted (m): cells that enter the sum; centre (m, 3): their centroids. Adds to force (groups, 6).
+void add_wall_forces_of_gradient(const CellView& cells, const GrainView& grains, const bool* counted, const double* centre,
+                                 const Vector3& gradient, double* force);
+
 // What moving walls add to the rate of change of the cells' volumes, m^3/s: sum of dV/dgap times the wall's outward speed.
 // wall_velocity (groups, 6), m/s, along each wall's outward normal. Adds to rate (m).
 void add_wall_volume_rates(const CellView& cells, const GrainView& grains, const double* wall_velocity, double* rate);

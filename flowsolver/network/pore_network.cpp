@@ -318,6 +318,16 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_position_.size()), MPI_DOUBLE, MPI_SUM, comm_);
 }
 
+void PoreNetwork::wall_forces_of_gradient(const double* gradient, double* wall_force) {
+  const Timer timer(report_.forces);
+  std::vector<double> centre(3 * pores());
+  geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
+  std::fill_n(wall_force, wall_position_.size(), 0.0);
+  geometry::add_wall_forces_of_gradient(mesh_.cell_view(), view(), mesh_.owned.get(), centre.data(), {gradient[0], gradient[1], gradient[2]},
+                                        wall_force);
+  MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_position_.size()), MPI_DOUBLE, MPI_SUM, comm_);
+}
+
 void PoreNetwork::volume_rate(const double* velocity, const double* wall_velocity, double* rate) {
   const Timer timer(report_.forces);
   std::vector<std::array<double, 3>> own(own_.size());

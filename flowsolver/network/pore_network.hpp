@@ -70,6 +70,7 @@ class PoreNetwork {
   std::size_t groups() const { return wall_position_.size() / 6; }
   const bool* owned() const { return mesh_.owned.get(); }                        // local, (pores)
   void pore_centre(double* centre);                                         // local, (pores, 3)
+  void unwrapped_centre(double* centre);                                    // local, (pores, 3): beside the cell's own grains
   void cell_volume(double* volume);                                         // local, (pores)
   void volumes(double* cell, double* pore);                                 // local, (pores) each
   void grains_of_pore(std::int64_t* id) const;                              // local, (pores, 4)
@@ -83,6 +84,9 @@ class PoreNetwork {
 
   // force (n, 3): on the caller's grains; wall_force (groups, 6): outward, over all ranks.
   void forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force);
+
+  // The part of a pressure's gradient (3), Pa/m, along walls, within the pores: wall_force (groups, 6), outward, over all ranks.
+  void wall_forces_of_gradient(const double* gradient, double* wall_force);
 
   // Rates of change of the pores' volumes, m^3/s, for given velocities of the caller's grains (n, 3) and outward speeds of the
   // walls (groups, 6), m/s. Out: rate (pores).

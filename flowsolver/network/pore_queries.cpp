@@ -7,9 +7,13 @@
 
 namespace poreslip {
 
-void PoreNetwork::pore_centre(double* centre) {
+void PoreNetwork::unwrapped_centre(double* centre) {
   const Timer timer(report_.geometry);
   geometry::cell_centroids(mesh_.cell_view(), view(), centre);
+}
+
+void PoreNetwork::pore_centre(double* centre) {
+  unwrapped_centre(centre);
   for (int d = 0; d < 3; ++d) {
     if (!domain_.periodic[d]) continue;
     for (std::size_t c = 0; c < pores(); ++c) {

@@ -28,10 +28,12 @@ result: dict[str, np.ndarray] = {}
 
 
 def take(name: str, solved) -> None:
-    force, wall_force = net.forces(solved.pressure)
+    force, wall_force = flow.forces(solved.pressure)
     everywhere = np.zeros_like(x)
     everywhere[own] = force
     comm.Allreduce(MPI.IN_PLACE, everywhere)
+    borne = everywhere.sum(axis=0) + wall_force[0, 1::2] - wall_force[0, ::2]
+    np.testing.assert_allclose(borne, (1 - (4 / 3 * np.pi * r**3).sum()) * flow.body_force, atol=1e-10 * np.abs(everywhere).sum())
     result[f"{name} force"], result[f"{name} wall"] = everywhere, wall_force
     owned = net.owned
     rows = np.column_stack([np.sort(net.grains_of_pore[owned], axis=1), solved.pressure[owned]])
