@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 from coupling.results import checkpoint
@@ -60,12 +59,12 @@ class Run:
     def carry_out(self, restart: bool) -> Ending:
         """Run from the start, or from the newest checkpoint of the directory; collective."""
         case, comm = self.case, self.comm
-        started = time.time()
         state = None
         if restart:
             with raised_together(comm):
                 restart_file, state = checkpoint.read(self.directory, case)
             stage = prepared.Stage(restart_file, state["stage"])
+            self.phases.resume(state["phases"], state["step"], comm)
             if state["ranks"] != comm.size:
                 self._tell(f"the checkpoint is of {state['ranks']} ranks and goes on with {comm.size}: the same to rounding, not bitwise")
             if state["decks_sha256"] != prepared.load_deck_digest(case):
@@ -92,12 +91,14 @@ class Run:
         measures = self._measures(case, fault, walls, state["reference"])
         measures.resume(state["previous"])
         flow = self._flow(engine, fault, walls, measures, saved)
+        if restart:
+            flow.resume(state["flow_counts"])
         snapshots = self._snapshots(state["step"] if restart else None)
         loading = Loading(case, engine, comm, flow, walls, measures, output, snapshots, self.phases, state)
         progress = Progress(case.name, shown=comm.rank == 0)
         ending = loading.run(progress)
         progress.finish(f"{ending.reason}; {self.directory}/history.csv")
-        write_report(case, comm, output, stage, state, loading, flow, engine, ending, self.phases, time.time() - started)
+        write_report(case, comm, output, stage, state, loading, flow, engine, ending, self.phases)
         output.close()
         engine.close()
         return ending
@@ -109,7 +110,7 @@ class Run:
         engine.run(0, setup=True)
         engine.property_atom("reference_position")[:] = engine.unwrapped_position()
         reference = self._measures.reference(engine, self.comm, fault, walls)
-        return {"step": 0, "reference": reference, "broken": [0, 0], "rebuilds": 0, "previous": None, "worst": {}, "last": {}, "watch": None}
+        return {"step": 0, "reference": reference, "broken": [0, 0], "previous": None, "worst": {}, "last": {}, "watch": None}
 
     def _flow(self, engine, fault, walls, measures, saved):
         from coupling.fluid import exchange

@@ -41,7 +41,6 @@ class Loading:
         self.walls = walls
         self._reference, self._stage = state["reference"], state["stage"]
         self._broken = list(state["broken"])
-        self._rebuilds_before = state["rebuilds"]
         self._steps = case.loading_steps
         self._watch = Watch(case, engine, comm, walls, flow, state["watch"])
         self.worst: dict[str, float] = dict(state["worst"])
@@ -107,7 +106,7 @@ class Loading:
         with self._phases.timed("measures"):
             rows = self._take_breaks()
             figures = self._flow.figures(*self._now()) | {
-                "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._rebuilds}  # fmt: skip
+                "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._flow.meshes["rebuilt"]}  # fmt: skip
             row = self._measures.row(self._engine, self._comm, self._time, figures)
         with self._phases.timed("output"), raised_together(self._comm):
             self._output.history(row)
@@ -137,13 +136,15 @@ class Loading:
         with self._phases.timed("output"):
             with raised_together(self._comm):
                 self._output.breaks(rows, self._measures.strain(self._engine))
+            arrays = self._flow.state()
             state = {
                 "step": self._engine.step,
                 "reference": self._reference,
                 "stage": self._stage,
                 "decks_sha256": load_deck_digest(self._case),
                 "broken": self._broken,
-                "rebuilds": self._rebuilds,
+                "flow_counts": self._flow.counts(),
+                "phases": self._phases.state(self._comm),
                 "previous": self._measures.previous,
                 "worst": self.worst,
                 "last": self.last,
@@ -152,11 +153,7 @@ class Loading:
                 "case_sha256": checkpoint.case_digest(self._case),
                 "tables": self._output.lengths(),
             }
-            checkpoint.write(self._output.directory, self._engine, self._comm, state, self._flow.state())
-
-    @property
-    def _rebuilds(self) -> int:
-        return self._rebuilds_before + self._flow.rebuilds
+            checkpoint.write(self._output.directory, self._engine, self._comm, state, arrays)
 
     def _ending(self, stop: StopRequest) -> Ending | None:
         received = stop.agreed(self._comm)

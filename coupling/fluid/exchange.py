@@ -18,10 +18,14 @@ from coupling.scene.fault_geometry import FaultGeometry
 from coupling.scene.walls import SceneWalls
 
 
+#: What may come of an update of the mesh.
+MESHES = ("kept", "repaired", "rebuilt")
+
+
 class Dry:
     """No fluid: nothing is imported, allocated or computed. What a flow has to offer to the loop of a run."""
 
-    rebuilds = 0
+    _network = None
     momentum_residual = 0.0
     #: Work of the pore forces on this rank's grains, J, up to now, or, two-way, the most that the fluid could give them up to the last solve.
     work_on_grains = 0.0
@@ -31,6 +35,7 @@ class Dry:
         #: Residuals of the last interval by name, and counts of the linear solver over the run.
         self.final: dict[str, float] = {}
         self.solver: dict[str, float] = {}
+        self._meshes_before = dict.fromkeys(MESHES, 0)
 
     def synchronise(self) -> None:
         """Forget what a run that starts from this point's checkpoint does not know."""
@@ -56,8 +61,22 @@ class Dry:
         """What a checkpoint has to hold of the fluid: arrays by name; those of rank 0 are written."""
         return {}
 
+    @property
+    def meshes(self) -> dict[str, int]:
+        """Updates of the mesh since loading began by what came of them; collective."""
+        now = self._network.report() if self._network else {}
+        return {name: before + int(now.get(name, 0)) for name, before in self._meshes_before.items()}
+
+    def counts(self) -> dict[str, dict[str, float]]:
+        """Counts that a checkpoint has to hold, taken after `state`; collective."""
+        return {"meshes": self.meshes, "solver": self.solver}
+
+    def resume(self, counts: dict[str, dict[str, float]]) -> None:
+        """Go on counting from a checkpoint."""
+        self._meshes_before, self.solver = dict(counts["meshes"]), dict(counts["solver"])
+
     def report(self) -> dict:
-        """The flow's own counts and times."""
+        """The flow's own counts and times, of this process."""
         return {}
 
     def grain_pressure(self) -> tuple[np.ndarray, np.ndarray]:
@@ -152,11 +171,6 @@ class PrescribedFlow(StandingForces):
                 pressure = self._pressure.at(self._network.pore_centre, progress, strain, time)
             left, right = beside_gouge(self._network, pressure, self._fault, self._diameter)
         return {"p_left_Pa": left, "p_right_Pa": right}
-
-    @property
-    def rebuilds(self) -> int:
-        """How often the mesh was built."""
-        return int(self._network.report()["rebuilt"])
 
     def report(self) -> dict:
         """The network's own counts and times."""

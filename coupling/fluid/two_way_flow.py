@@ -221,6 +221,13 @@ class TwoWayFlow(Dry):
             return {}
         return dict(zip(("grains_of_pore", "pressure", "drainage"), (np.concatenate(column) for column in zip(*parts))))
 
+    def resume(self, counts: dict[str, dict[str, float]]) -> None:
+        """Go on counting from a checkpoint, whose mesh the coming update makes once more; a run that was not interrupted keeps it."""
+        super().resume(counts)
+        if not self._always:
+            self._meshes_before["rebuilt"] -= 1
+            self._meshes_before["kept"] += 1
+
     def _restored(self, name: str) -> np.ndarray:
         """(m,): the checkpoint's "pressure" (Pa) or "drainage" (Pa/s) on the present mesh."""
         wanted = np.sort(self._network.grains_of_pore, axis=1)
@@ -236,11 +243,6 @@ class TwoWayFlow(Dry):
         return values
 
     # -- what is told -----------------------------------------------------------------------------------------------------
-
-    @property
-    def rebuilds(self) -> int:
-        """How often the mesh was built."""
-        return int(self._network.report()["rebuilt"])
 
     @property
     def residuals(self) -> dict[str, float]:

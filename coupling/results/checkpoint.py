@@ -15,7 +15,7 @@ from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError
 
-FORMAT = 3
+FORMAT = 4
 PREFIX = "checkpoint-"
 PARTIAL_PREFIX = "partial-"
 ENGINE_FILE, STATE_FILE, FLOW_FILE = "engine.restart", "state.json", "flow.npz"

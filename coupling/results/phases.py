@@ -21,6 +21,30 @@ class Phases:
         self.cpu: dict[str, float] = {}
         self.calls: dict[str, int] = {}
         self._within: list[list[float]] = []
+        self._started, self._wall_before = time.perf_counter(), 0.0
+        #: Steps of the checkpoints that the run went on from.
+        self.restarts: list[int] = []
+
+    @property
+    def wall_s(self) -> float:
+        """Wall seconds of the whole run, up to now; between a checkpoint and a restart from it none."""
+        return self._wall_before + time.perf_counter() - self._started
+
+    def state(self, comm) -> dict:
+        """What a checkpoint has to hold of it; collective."""
+        return {"by_rank": comm.allgather(self.to_dict()), "wall_s": self.wall_s, "restarts": self.restarts}
+
+    def resume(self, state: dict, step: int, comm) -> None:
+        """Go on counting from a checkpoint of this step. On another number of ranks each gets an even share of the CPU time, and the longest of
+        the wall times."""
+        by_rank, self._wall_before, self.restarts = state["by_rank"], state["wall_s"], [*state["restarts"], step]
+        for name in dict.fromkeys(name for one in by_rank for name in one):
+            spent = [one[name] for one in by_rank if name in one]
+            if len(by_rank) == comm.size:
+                spent = [by_rank[comm.rank][name]] if name in by_rank[comm.rank] else []
+            share = 1.0 if len(by_rank) == comm.size else 1.0 / comm.size
+            if spent:
+                self._add(name, max(one["wall_s"] for one in spent), share * sum(one["cpu_s"] for one in spent), spent[0]["calls"])
 
     @contextmanager
     def timed(self, phase: str) -> Iterator[None]:

@@ -27,15 +27,15 @@ PERIMETERS = {
 
 
 def write_report(
-    case: RunCase, comm, output: RunOutput, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases, wall_s: float
+    case: RunCase, comm, output: RunOutput, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases
 ) -> None:  # fmt: skip
     """Write report.json and report.md, and print the warnings once; collective."""
     peak = comm.gather(peak_memory_bytes())
     times = comm.gather(phases.to_dict())
-    network = comm.gather(flow.report())
+    network, meshes = comm.gather(flow.report()), flow.meshes
     if comm.rank:
         return
-    steps = engine.step - state["step"]
+    steps = engine.step
     said = warnings(loading.worst, case.scene)
     report = {
         "run": case.name,
@@ -44,7 +44,8 @@ def write_report(
         "grains": engine.total_grains,
         "steps": steps,
         "ranks": comm.size,
-        "wall_s": wall_s,
+        "restarted_at_steps": phases.restarts,
+        "wall_s": phases.wall_s,
         **speeds(times, steps * engine.total_grains),
         "cpu_s_by_phase_and_rank": times,
         "peak_memory_bytes_by_rank": peak,
@@ -53,7 +54,7 @@ def write_report(
         "balances": {name: {"worst": loading.worst[name], "final": flow.final.get(name, 0.0)} for name in BALANCES if name in loading.worst},
         **{name: loading.worst[name] for name in flow.residuals},
         "solver": flow.solver,
-        "remeshes": {kind: network[0].get(kind, 0) for kind in ("kept", "repaired", "rebuilt")},
+        "remeshes": meshes,
         "bonds": stage.manifest.get("bonds", 0),
         "bonds_broken": {mode: loading.broken[mode] for mode in ("tension", "shear")},
         "interpretations": interpretations(case),
@@ -118,9 +119,16 @@ def page(case: RunCase, report: dict) -> str:
     lines += [f"| {name} | {value} |" for name, value in report["interpretations"].items()]
     lines += [f"| pack: {name} | {value} |" for name, value in report["pack"].items()]
     lines += ["", "## How long", ""]
-    lines += [f"{report['steps']} steps of {report['grains']} grains on {report['ranks']} ranks: {report['loading_wall_s']:.1f} s, {report['loading_cpu_s']:.1f} CPU s"]
-    lines += [f"without the stages before loading; {report['grain_steps_per_cpu_s']:.3g} grain-steps per CPU second, {report['grain_steps_per_engine_cpu_s']:.3g} in the"]
-    lines += [f"engine alone. Peak memory: {', '.join(f'{peak / 1e6:.0f}' for peak in report['peak_memory_bytes_by_rank'])} MB by rank.", ""]
+    lines += [f"{report['steps']} steps of {report['grains']} grains on {report['ranks']} ranks: {report['loading_wall_s']:.1f} s, "
+              f"{report['loading_cpu_s']:.1f} CPU s"]
+    lines += [f"without the stages before loading; {report['grain_steps_per_cpu_s']:.3g} grain-steps per CPU second, "
+              f"{report['grain_steps_per_engine_cpu_s']:.3g} in the"]
+    lines += [f"engine alone. Peak memory: {', '.join(f'{peak / 1e6:.0f}' for peak in report['peak_memory_bytes_by_rank'])} MB by rank."]
+    if restarts := report["restarted_at_steps"]:
+        times = "once, at step" if len(restarts) == 1 else f"{len(restarts)} times, at steps"
+        lines += ["", f"Restarted from a checkpoint {times} {', '.join(map(str, restarts))}. Steps, seconds and counts are those of the whole run, without what was",
+                  "made between a checkpoint and the restart from it; memory, and what is told of the pore network by rank, are those of the last part."]
+    lines += [""]
     lines += ["| phase | CPU s of all ranks | wall s of the slowest | calls |", "|---|---|---|---|"]
     parts = report["cpu_s_by_phase_and_rank"]
     for name in parts[0]:

@@ -39,6 +39,25 @@ def assert_same_bits(one: Path, other: Path) -> None:
     assert checkpoints(one) == checkpoints(other)
 
 
+def assert_counts_of_the_whole_run(uninterrupted: Path, restarted: Path, account: dict) -> None:
+    """Reports tell the same steps and counts, and the restarted one no less time than its checkpoint."""
+    one, other = (json.loads((run / "report.json").read_text()) for run in (uninterrupted, restarted))
+    assert (one["restarted_at_steps"], other["restarted_at_steps"]) == ([], [200])
+    for name in ("steps", "solver", "remeshes", "bonds_broken", "wall_speed_limited_steps", "quasi_static_checks", "balances"):
+        assert one[name] == other[name], name
+    for parts, before in zip(other["cpu_s_by_phase_and_rank"], account["by_rank"], strict=True):
+        assert all(parts[name][count] >= before[name][count] for name in before for count in ("cpu_s", "wall_s", "calls"))
+        assert parts["engine"]["calls"] > before["engine"]["calls"] > 0
+    assert other["wall_s"] > account["wall_s"] > 0.0
+    assert other["grain_steps_per_cpu_s"] == pytest.approx(other["steps"] * other["grains"] / other["loading_cpu_s"])
+    page = (restarted / "report.md").read_text()
+    assert "Restarted from a checkpoint once, at step 200" in page and "Restarted" not in (uninterrupted / "report.md").read_text()
+
+
+def account_of(run: Path, step: int) -> dict:
+    return json.loads((run / f"checkpoint-{step:012d}" / "state.json").read_text())["state"]["phases"]
+
+
 @pytest.mark.parametrize("run", ["wet", "dry"])
 @pytest.mark.parametrize("bonds", ["true", "false"])
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
@@ -47,6 +66,7 @@ def test_same_trajectory(run_fault, poreslip, ranks, bonds, run):
     # Without the cache: a checkpoint holds all that a run needs to go on.
     aside = restarted_from_the_older(poreslip, result, ranks, env={"PORESLIP_CACHE": "/dev/null"})
     assert_same_bits(aside, result)
+    assert_counts_of_the_whole_run(aside, result, account_of(result, 200))
     later = [row for row in broken_bonds(result) if int(row["step"]) > 200]
     assert (len(later) > 20) == (bonds == "true")
     assert (result / "log.liggghts").is_file() and (result / "log-from-200.liggghts").is_file()
