@@ -7,6 +7,7 @@ import shutil
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from processes import the_message
 from tiny_fault import history, settings
@@ -59,10 +60,28 @@ def test_what_differs_is_made_anew(run, cache, override, made):
     assert sorted(name.split("-")[0] for name in set(kept(cache)) - set(before)) == made
 
 
-def test_stiff_grains_are_unloaded_to_the_initial_stress(run, tmp_path):
+#: Beside the servos of in.stress: what they are to hold, Pa, and what an x wall and a plate bear, N.
+RECORD = """\
+variable       borne_x equal f_x_left[3]
+variable       borne_plate equal f_z_bottom_left[3]
+fix            record all print {every} "${{held}} ${{borne_x}} ${{borne_plate}} ${{area_x}} ${{area_bottom_left}}" file {file} title "" screen no
+"""
+
+
+def test_stiff_grains_are_unloaded_to_the_initial_stress(run, own_decks, tmp_path):
+    """From the stress that the pack comes with, by equal ratios over 40000 steps, with walls and plates that follow."""
+    deck, record = own_decks / "in.stress", tmp_path / "unloading.txt"
+    before = "fix            damp all damping/local"
+    assert deck.read_text().count(before) == 1
+    deck.write_text(deck.read_text().replace(before, RECORD.format(every=4000, file=record) + before))
     stiff = ("material.stiffness_reading=literal", "material.modulus_Pa=1e10", "loading.horizontal_strain=1e-6", "output.history_interval_steps=10")
-    done = run(*stiff, "pack.confining_stress_Pa=1e9", "pack.initial_stress_tolerance=0.02")
+    done = run(*stiff, "pack.confining_stress_Pa=1e9", "pack.initial_stress_tolerance=0.02", f"decks_directory={own_decks}")
     assert done.returncode == 0, done.stderr
+    held, borne_x, borne_plate, area_x, area_plate = np.loadtxt(record).T
+    assert 1e9 * 0.01**0.1 < held[0] < 1e9 and held[10] == 1e7
+    np.testing.assert_allclose(held[1:10] / held[:9], 0.01**0.1, rtol=1e-9)
+    np.testing.assert_allclose(borne_x[:11] / area_x[:11], held[:11], rtol=0.05)
+    np.testing.assert_allclose(borne_plate[:11] / area_plate[:11], held[:11], rtol=0.05)
     stresses = history(tmp_path / "out" / "tiny" / "dry")
     assert [stresses[name][0] for name in ("sigma_h_left_Pa", "sigma_h_right_Pa", "sigma_v_Pa")] == pytest.approx([1e7] * 3, rel=0.05)
 
