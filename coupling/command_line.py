@@ -36,7 +36,8 @@ keys for --set are those of the case file, section.key, and hold for every run, 
 _STUDY_DESCRIPTION = """\
 Carry out every setting of a study, each in a process of its own, and hold it against the study's reference. Results go to DIR/<study>/:
 error_time.csv, error_time.png, and study.md, which names the cheapest setting within the tolerance. Runs that are there from before with the
-same inputs (DIR/runs) are not repeated: after Ctrl-C the same command goes on. A setting that is refused, or breaks down, is a line with its
+same inputs and the same sources (DIR/runs) are not repeated: after Ctrl-C the same command goes on. Each line tells the revision of the code that
+made it; --keep takes runs of other revisions too. A setting that is refused, or breaks down, is a line with its
 reason."""
 _STABILITY_DESCRIPTION = """\
 Carry out stiff and extreme scenes, each in a process of its own with a limit on its time: whether it is stable or caught by the program, the figure
@@ -115,6 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("study", metavar="STUDY", help="study file, such as cases/studies/coupling_interval.toml")
     study.add_argument("--out", metavar="DIR", help="directory of the results (default: out/studies, in the current directory)")
     study.add_argument("--dry-run", action="store_true", help="print the runs that it stands for, and which of them are kept from before")
+    study.add_argument("--keep", action="store_true", help="take runs from before as they are, also those of another revision of the code")
     study.set_defaults(action=_study)
 
     stability = commands.add_parser("stability", help="stiff and extreme scenes: stable, refused or stopped, and by which limit", description=_STABILITY_DESCRIPTION, **form)
@@ -197,7 +199,7 @@ def _study(chosen: argparse.Namespace) -> int:
         raise InputError("a study starts its runs itself: give `poreslip study` without mpirun, and `ranks` in the study file.")
     from coupling.study.carry_out import carry_out
 
-    return carry_out(chosen.study, _output_root(chosen.out or "out/studies"), chosen.dry_run)
+    return carry_out(chosen.study, _output_root(chosen.out or "out/studies"), chosen.dry_run, chosen.keep)
 
 
 def _count(text: str) -> int:

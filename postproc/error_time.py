@@ -29,7 +29,7 @@ class Row:
     """One setting. options: parameter to value; spread: those over which settings are taken together.
 
     value: the observable, NaN for a curve and where there is none. error: NaN where there is none. reason: why it is not stable, or why
-    it has no error. is_reference: it is the run that the others are held against.
+    it has no error. revision: of the code that carried it out. is_reference: it is the run that the others are held against.
     """
 
     options: Mapping[str, Any]
@@ -39,6 +39,7 @@ class Row:
     cost: Cost
     stable: bool
     reason: str
+    revision: str = ""
     is_reference: bool = False
 
 
@@ -157,9 +158,9 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
     with open(path, "w", newline="") as file:
         write = csv.writer(file, lineterminator="\n").writerow
         names = [*rows[0].options, *rows[0].spread] if rows else []
-        write([*names, "value", "error", "wall_s", "cpu_s", "steps", "iterations", "stable", "reason"])
+        write([*names, "value", "error", "wall_s", "cpu_s", "steps", "iterations", "stable", "reason", "revision"])
         for row in rows:
             numbers = ["" if math.isnan(number) else f"{number:.6g}" for number in (row.value, row.error)]
             spent = [f"{row.cost.wall_s:.3g}", f"{row.cost.cpu_s:.3g}", row.cost.steps, row.cost.iterations]
             reason = "the reference" if row.is_reference else row.reason
-            write([*row.options.values(), *row.spread.values(), *numbers, *spent, "yes" if row.stable else "no", " ".join(reason.split())])
+            write([*row.options.values(), *row.spread.values(), *numbers, *spent, "yes" if row.stable else "no", " ".join(reason.split()), row.revision])

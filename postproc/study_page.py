@@ -14,7 +14,7 @@ def page(title: str, about: str, command: str, points: Sequence[Point], best: Se
     lines = [f"# {title}", "", f"    {command}", ""]
     if about:
         lines += [about.strip(), ""]
-    lines += [f"![{title}]({picture})", "", *verdict(points, best, tolerance), "", *table(points, error_label)]
+    lines += [f"![{title}]({picture})", "", *verdict(points, best, tolerance), "", *table(points, error_label), "", made_by(points)]
     return "\n".join(lines) + "\n"
 
 
@@ -30,6 +30,14 @@ def verdict(points: Sequence[Point], best: Sequence[Point], tolerance: float) ->
         return [f"No setting has an error to judge by, so none is recommended for {tolerance:g}."]
     nearest = min(counting, key=lambda point: point.error)
     return [f"No setting is within {tolerance:g}; the nearest is {nearest} with an error of {nearest.error:.2g}."]
+
+
+def made_by(points: Sequence[Point]) -> str:
+    """The revision of the code that carried the settings out, or that they are of several."""
+    names = list(dict.fromkeys(row.revision for point in points for row in point.rows))
+    if len(names) == 1:
+        return f"Carried out by revision {names[0]}."
+    return f"**Carried out by {len(names)} revisions, {'; '.join(names)}**: error_time.csv tells which setting by which. Without --keep all are made by the present one."
 
 
 def table(points: Sequence[Point], error_label: str) -> list[str]:

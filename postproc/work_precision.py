@@ -55,7 +55,7 @@ def draw(points: Sequence[Point], best: Sequence[Point], given: Sequence[str], t
             for point in shown:
                 errors = [row.error for row in point.rows if len(point.rows) > 1]
                 for axes, place in [(work, point.cpu_s)] + ([(sweep, _place(point.options[first], options, numeric))] if across else []):
-                    axes.plot([place] * len(errors), errors, color=colour, marker="_", linestyle="", markersize=5)
+                    axes.plot([place] * len(errors), errors, color=colour, marker="_", linestyle="-", linewidth=0.8, markersize=5)
         _scales(work, sweep, [point for line in series.values() for point in line if point.counts], options, numeric)
         if not given:
             _front(work, [point for line in series.values() for point in line if point.error > 0.0], first if across and numeric else None)

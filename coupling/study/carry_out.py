@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import signal
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from postproc.references import ANALYTIC
 from coupling.errors import ComputationError, InputError
 from coupling.results.output import write_atomically
 from coupling.study.plan import Plan, Setting
+from coupling.study.revision import revision
 from coupling.study.runner import Runner
 from coupling.study.schema import Observable, Study, load_study
 
@@ -39,15 +41,17 @@ class Paths:
         return self.root / self.stem
 
 
-def carry_out(file: str, root: Path, dry_run: bool) -> int:
-    """Carry out a study, or only say what it would do; the exit status."""
+def carry_out(file: str, root: Path, dry_run: bool, keep: bool) -> int:
+    """Carry out a study, or only say what it would do; the exit status. keep: take runs from before though another revision made them."""
     study = load_study(file)
     plan, paths = Plan(study), Paths(root, study.stem)
-    runner = Runner(paths.runs, study.limit_s)
+    runner = Runner(paths.runs, study.limit_s, keep)
     if dry_run:
         print(_planned(study, plan, runner))
         return 0
     paths.results.mkdir(parents=True, exist_ok=True)
+    for line in _of_other_sources(study, plan, runner, keep):
+        print(line, flush=True)
     work = Work(study, plan, runner)
     # The end of a job's process is as much wanted on SIGTERM as on Ctrl-C.
     # SIGINT too: what a shell starts in the background ignores it.
@@ -111,9 +115,17 @@ class Work:
                     error = 0.0 if is_reference else error_of(observed, self._wanted(setting, files, observed), self._study.relative)
             except (NotObserved, RunFileError) as trouble:
                 reason = str(trouble)
+        reason = self._without_paths(reason, *(outcome.directory for outcome in outcomes.values()))
         options = {one.key: setting.options[one.key] for one in self._study.parameters if one.key in setting.options}
         spread = {key: options.pop(key) for key in self._spread if key in options}
-        return Row(options, spread, value, error, spent, stable, reason, is_reference)
+        made_by = ", ".join(dict.fromkeys(outcome.revision for outcome in outcomes.values()))
+        return Row(options, spread, value, error, spent, stable, reason, made_by, is_reference)
+
+    def _without_paths(self, reason: str, *directories: Path) -> str:
+        """A message with paths from the study's file on, not those of this machine."""
+        for directory in (self._study.directory, *directories):
+            reason = reason.replace(f"{directory}/", "")
+        return reason
 
     def _observed(self, files: ResultFiles) -> Observed:
         wanted = self._study.observable
@@ -181,11 +193,23 @@ def _write(study: Study, rows: list[Row], paths: Paths, file: str) -> None:
     print(f"{study.stem}  {paths.results / PAGE}", flush=True)
 
 
+def _of_other_sources(study: Study, plan: Plan, runner: Runner, keep: bool):
+    """What is told of runs from before that other sources made."""
+    jobs = {job.digest: job for setting in [*plan.references.values(), *plan.settings] for job in setting.jobs.values() if not job.refused}
+    made = Counter(filter(None, (runner.of_other_sources(job) for job in jobs.values())))
+    for name, count in made.items():
+        done = "are taken as they are" if keep else f"are made again by {revision()}; --keep takes them as they are"
+        yield f"{study.stem}  {count} of {len(jobs)} runs from before are of revision {name} and {done}"
+
+
 def _planned(study: Study, plan: Plan, runner: Runner) -> str:
     """The runs that a study stands for, and what is kept of them from before."""
     jobs = {job.digest: (setting, name, job) for setting in [*plan.references.values(), *plan.settings] for name, job in setting.jobs.items()}
     lines = [f"{study.stem}: {len(plan.settings)} settings, {len(jobs)} runs", ""]
     for setting, name, job in jobs.values():
-        state = f"refused: {' '.join(job.refused.split())}" if job.refused else "kept from before" if runner.kept(job) else "to be run"
+        other = runner.of_other_sources(job)
+        state = f"kept from before{f' (revision {other})' if other else ''}" if runner.kept(job) else f"to be run{f' again: made by revision {other}' if other else ''}"
+        if job.refused:
+            state = f"refused: {' '.join(job.refused.split())}"
         lines.append(f"    {setting}{'' if name == 'run' else f'  [companion.{name}]'}  {state}")
     return "\n".join([*lines, "", "nothing was run"])

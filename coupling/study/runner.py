@@ -16,6 +16,7 @@ from pathlib import Path
 from coupling.native import REPOSITORY
 from coupling.results.output import write_atomically
 from coupling.study.plan import Job
+from coupling.study.revision import revision
 
 FINISHED = "finished.json"
 #: A process that was told to stop gets this long to write what it has, s.
@@ -27,7 +28,7 @@ MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_
 class Outcome:
     """How a run ended. status: of its process, None where it was refused beforehand or took too long. reason: empty when it was done.
 
-    wall_s, cpu_s, peak_bytes: of the whole process with what it started.
+    wall_s, cpu_s, peak_bytes: of the whole process with what it started. revision: name of that of the code which made it.
     """
 
     directory: Path
@@ -36,6 +37,7 @@ class Outcome:
     wall_s: float
     cpu_s: float
     peak_bytes: int
+    revision: str
 
     @property
     def done(self) -> bool:
@@ -45,28 +47,38 @@ class Outcome:
 class Runner:
     """Carries out jobs below `pool`, one directory for each by the digest of its inputs."""
 
-    def __init__(self, pool: Path, limit_s: float):
-        self._pool, self._limit_s = pool, limit_s
+    def __init__(self, pool: Path, limit_s: float, keep: bool = False):
+        """keep: take runs that another revision of the code made too."""
+        self._pool, self._limit_s, self._keep = pool, limit_s, keep
 
     def kept(self, job: Job) -> Outcome | None:
-        """The outcome of a job that was finished before."""
+        """The outcome of a job that was finished before, by the same sources unless all are kept."""
+        outcome, sources = self._found(job)
+        return outcome if self._keep or sources == revision().digest else None
+
+    def of_other_sources(self, job: Job) -> str:
+        """Name of the revision that finished a job before, where that is another one; else empty."""
+        outcome, sources = self._found(job)
+        return outcome.revision if outcome and sources != revision().digest else ""
+
+    def _found(self, job: Job) -> tuple[Outcome | None, str]:
+        """What is left of a job from before, and the digest of the sources that made it."""
         directory = self._pool / job.digest[:16]
         try:
             content = json.loads((directory / FINISHED).read_text())
         except (OSError, ValueError):
-            return None
-        if content.pop("digest") != job.digest:
-            return None
+            return None, ""
+        # Those of former versions named no revision.
+        digest, limit_s, sources = content.pop("digest"), content.pop("limit_s", 0.0), content.pop("sources", "")
         # One that took too long may come to its end in more time.
-        if content["status"] is None and content.pop("limit_s") < self._limit_s:
-            return None
-        content.pop("limit_s", None)
-        return Outcome(directory=directory / job.results, **content)
+        if digest != job.digest or (content["status"] is None and limit_s < self._limit_s):
+            return None, ""
+        return Outcome(directory=directory / job.results, **{"revision": "unknown"} | content), sources
 
     def carry_out(self, job: Job) -> Outcome:
         """Run a job to its end, or take what is there; an interrupt ends its process and leaves nothing that looks finished."""
         if job.refused:
-            return Outcome(self._pool / job.digest[:16], None, f"refused: {job.refused}", 0.0, 0.0, 0)
+            return Outcome(self._pool / job.digest[:16], None, f"refused: {job.refused}", 0.0, 0.0, 0, revision().name)
         found = self.kept(job)
         if found:
             return found
@@ -75,7 +87,7 @@ class Runner:
         directory.mkdir(parents=True)
         outcome = self._measured(job, directory)
         content = {key: value for key, value in dataclasses.asdict(outcome).items() if key != "directory"}
-        write_atomically(directory / FINISHED, json.dumps(content | {"digest": job.digest, "limit_s": self._limit_s}, indent=1) + "\n")
+        write_atomically(directory / FINISHED, json.dumps(content | {"digest": job.digest, "limit_s": self._limit_s, "sources": revision().digest}, indent=1) + "\n")
         return outcome
 
     def _measured(self, job: Job, directory: Path) -> Outcome:
@@ -97,7 +109,8 @@ class Runner:
                 raise
         wall = time.monotonic() - start
         reason = f"took longer than {self._limit_s:g} s" if late else _reason(code, (directory / "errors.txt").read_text(errors="replace"))
-        return Outcome(directory / job.results, None if late else code, reason, wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024)
+        return Outcome(directory / job.results, None if late else code, reason, wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024,
+                       revision().name)
 
     def _wait(self, process: subprocess.Popen, start: float):
         """Resources and exit status of the process; (None, None) when its time is over."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -12,6 +13,8 @@ import time
 import numpy as np
 import pytest
 from processes import REPOSITORY, environment, the_message
+
+from coupling.study.revision import revision
 
 #: Rates of the tiny fault; the last is so fast that loading has too few steps, and is refused.
 RATES = """\
@@ -100,6 +103,9 @@ def test_rates_of_a_fault(study, tmp_path):
     expected = np.sqrt(((value - wanted) ** 2).mean() / (wanted**2).mean())
     assert float(rows[0]["error"]) == pytest.approx(expected, rel=1e-5)
 
+    assert {row["revision"] for row in lines(results)} == {revision().name} and f"Carried out by revision {revision()}." in page
+    assert str(tmp_path) not in (results / "error_time.csv").read_text()
+
     # Again: nothing is repeated. Another value: only that.
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
     again, _ = study(RATES.replace("[10.0, 20.0, 1e4]", "[10.0, 20.0, 40.0]"))
@@ -107,6 +113,24 @@ def test_rates_of_a_fault(study, tmp_path):
     after = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
     assert len(after) == 4 and made.items() <= after.items()
     assert lines(results)[1] == rows[0]
+
+
+def test_runs_of_another_revision_are_made_again_or_told_of(study, tmp_path):
+    text = RATES.replace("[10.0, 20.0, 1e4]", "[20.0]")
+    _, results = study(text)
+    records = {path: json.loads(path.read_text()) for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
+    (path,) = (path for path in records if len(list(csv.reader(open(path.with_name("tiny") / "dry" / "history.csv")))) < 10)
+    path.write_text(json.dumps(records[path] | {"sources": "0" * 64, "revision": "older"}))
+    planned, _ = study(text, "--dry-run")
+    assert planned.stdout.count("to be run again: made by revision older") == planned.stdout.count("kept from before") == 1
+    kept, _ = study(text, "--keep")
+    assert "1 of 2 runs from before are of revision older and are taken as they are" in kept.stdout
+    assert [row["revision"] for row in lines(results)] == [revision().name, "older"]
+    assert "Carried out by 2 revisions" in (results / "study.md").read_text()
+    again, _ = study(text)
+    assert f"1 of 2 runs from before are of revision older and are made again by {revision()}" in again.stdout
+    assert [row["revision"] for row in lines(results)] == [revision().name] * 2
+    assert "older" not in (results / "study.md").read_text() and "sources" in json.loads(path.read_text())
 
 
 def test_a_plan_runs_nothing(study, tmp_path):

@@ -13,7 +13,7 @@ from postproc.observables import Observed
 
 
 def row(name: str, error: float, cpu_s: float, *, seed: int = 0, stable: bool = True, reference: bool = False, value: float = 1.0) -> Row:
-    return Row({"setting": name}, {"seed": seed} if seed else {}, value, error, Cost(cpu_s, 2 * cpu_s, 10, 3), stable, "" if stable else "it broke", reference)
+    return Row({"setting": name}, {"seed": seed} if seed else {}, value, error, Cost(cpu_s, 2 * cpu_s, 10, 3), stable, "" if stable else "it broke", "abc", reference)
 
 
 ROWS = [
@@ -81,3 +81,4 @@ def test_the_table_has_a_line_for_each_row(tmp_path):
     assert (lines[0]["error"], lines[0]["cpu_s"], lines[0]["wall_s"], lines[0]["steps"], lines[0]["iterations"], lines[0]["stable"]) == ("0.5", "1", "2", "10", "3", "yes")
     assert (lines[5]["error"], lines[5]["stable"], lines[5]["reason"]) == ("", "no", "it broke")
     assert lines[6]["reason"] == "the reference"
+    assert {line["revision"] for line in lines} == {"abc"}

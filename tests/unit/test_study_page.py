@@ -14,7 +14,7 @@ from postproc.work_precision import draw, number
 
 
 def row(options: dict, error: float, cpu_s: float = 1.0, spread: dict | None = None, stable: bool = True, reference: bool = False) -> Row:
-    return Row(options, spread or {}, math.nan, error, Cost(cpu_s, cpu_s, 5, 0), stable, "" if stable else "it broke | down", reference)
+    return Row(options, spread or {}, math.nan, error, Cost(cpu_s, cpu_s, 5, 0), stable, "" if stable else "it broke | down", "abc", reference)
 
 
 STUDIES = {
