@@ -23,7 +23,7 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
     for (std::size_t k = 0; k < t.facet.size(); ++k) {
       const std::int32_t f = t.facet[k];
       const double least = limiter.least_open_share * s.facet_area[f];
-      t.limited += s.open_area[f] < least;
+      bool limited = s.open_area[f] < least;
       const double area = std::max({s.open_area[f], least, 0.0});
       double c = 0.0;
       if (law == ConductanceLaw::duct) {
@@ -34,7 +34,9 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
         const ThroatBody body = throat_body(mesh, network.view(), f);
         if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
           c = area * body.radius * body.radius / (2.0 * fluid.viscosity * body.length);
+        limited = limited || body.limited;
       }
+      t.limited += limited;
       t.conductance[k] = c;
     }
   }

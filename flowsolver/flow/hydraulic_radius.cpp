@@ -1,5 +1,6 @@
 #include "flow/hydraulic_radius.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "geometry/facets.hpp"
@@ -7,6 +8,9 @@
 
 namespace poreslip::flow {
 namespace {
+
+// Of the radius of the throat's smallest grain.
+constexpr double least_length = 3e-4;
 
 Vector3 outward(Vertex wall) {
   Vector3 n{0.0, 0.0, 0.0};
@@ -42,10 +46,19 @@ Vector3 power_centre(const Mesh& mesh, const GrainView& grains, std::size_t cell
 ThroatBody throat_body(const Mesh& mesh, const GrainView& grains, std::size_t f) {
   Vertex v[3];
   for (int k = 0; k < 3; ++k) v[k] = mesh.facet.vertex[k][f];
-  const Vector3 left = power_centre(mesh, grains, mesh.facet.left[f], v[0]);
-  const Vector3 right = power_centre(mesh, grains, mesh.facet.right[f], v[0]);
+  Vector3 left = power_centre(mesh, grains, mesh.facet.left[f], v[0]);
+  Vector3 right = power_centre(mesh, grains, mesh.facet.right[f], v[0]);
   const geometry::FacetShares shares = geometry::facet_shares(mesh.facet.view(), grains, f, geometry::ForceLaw::total);
   const double area = shares.share[0] + shares.share[1] + shares.share[2];
+  // Cells of cospherical grains have one centre, and the throat between them no length. It then gets the one that a throat has at least,
+  // with the hydraulic radius that short throats tend to; the two pores have all but one pressure.
+  double radius = grains.radius[v[0]];
+  for (int k = 1; k < 3 && !is_wall(v[k]); ++k) radius = std::min(radius, grains.radius[v[k]]);
+  const double lacking = least_length * radius - dot(right - left, shares.normal);
+  if (lacking > 0.0) {
+    left = left - (0.5 * lacking) * shares.normal;
+    right = right + (0.5 * lacking) * shares.normal;
+  }
   // A pyramid on the far side of its facet counts as negative: then the two are the body between the centres.
   const double height_left = -dot(left, shares.normal), height_right = dot(right, shares.normal);
   double space = area * (height_left + height_right) / 3.0, surface = 0.0;
@@ -65,7 +78,7 @@ ThroatBody throat_body(const Mesh& mesh, const GrainView& grains, std::size_t f)
       space -= part * r * r * r / 3.0;
     }
   }
-  return {surface > 0.0 ? space / surface : 0.0, norm(right - left)};
+  return {surface > 0.0 ? space / surface : 0.0, norm(right - left), lacking > 0.0};
 }
 
 }  // namespace poreslip::flow

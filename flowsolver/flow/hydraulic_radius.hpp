@@ -11,6 +11,7 @@ namespace poreslip::flow {
 struct ThroatBody {
   double radius;  // void / solid surface, m
   double length;  // between the power centres, m
+  bool limited;   // whether they were moved apart to the least length
 };
 
 // Walls are free-slip: their surface does not count.

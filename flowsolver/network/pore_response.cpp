@@ -48,6 +48,8 @@ void close(std::array<Four, 4>& gradient, const Mesh& mesh, std::size_t cell, co
 
 }  // namespace
 
+PoreResponse::~PoreResponse() = default;
+
 void PoreResponse::begin(ForceLaw law, const double* pressure, const double* drift, const double* stiffness) {
   const std::size_t pores = network_.pores();
   start_.assign(pressure, pressure + pores);

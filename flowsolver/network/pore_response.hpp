@@ -18,6 +18,10 @@ namespace poreslip {
 class PoreResponse {
  public:
   explicit PoreResponse(PoreNetwork& network) : network_(network) {}
+  // Where its vectors are filled: only there are they known to be aligned more than others, which freeing must know as well.
+  ~PoreResponse();
+  PoreResponse(const PoreResponse&) = delete;
+  PoreResponse& operator=(const PoreResponse&) = delete;
 
   // Starts an interval in the network's present state. pressure (pores), Pa; drift (pores), Pa/s: at which pressures change whatever
   // the grains do; stiffness (pores), Pa/m^3: 1 / (beta V) where a pressure answers the pore's volume, 0 where it does not.
