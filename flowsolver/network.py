@@ -118,7 +118,7 @@ class PoreNetwork:
 
         Returns
         -------
-        "kept" (the mesh still holds), "repaired" (by flips; on one rank without periods) or "rebuilt", the same on all ranks.
+        "kept" (the mesh still holds), "repaired" (by flips) or "rebuilt", the same on all ranks.
         After "repaired" and "rebuilt" the pores are other ones.
         """
         faults: list[str] = []

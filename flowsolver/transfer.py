@@ -82,11 +82,13 @@ def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int)
     own = np.flatnonzero(network.owned)
     new_grains, new_volume = network.grains_of_pore[own], network.pore_volume[own]
     same = network.native.same_pore_before()
-    if len(same):
-        # A repaired mesh knows which of its pores are the same; it has no copies of any.
-        new_pressure = np.where(same >= 0, before[same], np.nan)
-        kept = np.zeros(pores_before, bool)
-        kept[same[same >= 0]] = True
+    if comm.allreduce(len(same)):
+        # A repaired mesh knows which of its pores are the same, and they belong to the same ranks; ranks without grains have none.
+        own_same = same[own]
+        new_pressure = np.where(own_same >= 0, before[own_same], np.nan) if len(own) else np.zeros(0)
+        still_there = np.zeros(pores_before, bool)
+        still_there[own_same[own_same >= 0]] = True
+        kept = still_there[old_index]
     else:
         new_pressure, kept = _ask(comm, _keys(old_grains), old_pressure, _keys(new_grains))
     new = np.isnan(new_pressure)

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "geometry/cells.hpp"
+#include "network/copies_agree.hpp"
 #include "network/timer.hpp"
 #include "network/validation.hpp"
 #include "network/wall_steps.hpp"
@@ -112,19 +113,18 @@ std::optional<Outcome> PoreNetwork::keep(const GrainInput& input) {
   if (trusted_displacement_ > 0.0 && displacement_since_look() <= trusted_displacement_) return Outcome::kept;
   const Certificate certificate = certify(mesh_, local_, walls_);
   // What decides is the same on all ranks, of which some may have no grains.
-  std::array<std::int64_t, 5> total{static_cast<std::int64_t>(certificate.violated_facets.size()), certificate.inverted_cells,
-                                    certificate.exact_tests, static_cast<std::int64_t>(halo_.grains().size()),
+  std::array<std::int64_t, 4> total{certificate.violated, certificate.inverted_cells, certificate.exact_tests,
                                     static_cast<std::int64_t>(mesh_.facets())};
-  MPI_Allreduce(MPI_IN_PLACE, total.data(), 5, MPI_INT64_T, MPI_SUM, comm_);
+  MPI_Allreduce(MPI_IN_PLACE, total.data(), 4, MPI_INT64_T, MPI_SUM, comm_);
   report_.exact_tests = total[2];
   look();
   if (total[0] == 0 && total[1] == 0) return Outcome::kept;
-  // Copies of a cell on other ranks, or in other periods, would have to be flipped alike: there the mesh is made anew.
-  if (total[1] > 0 || total[3] > 0 || total[0] * repair_one_in > total[4]) return std::nullopt;
-  const auto cells = flip(mesh_, local_, walls_, certificate.violated_facets);
-  if (any_rank(comm_, !cells)) return std::nullopt;
+  if (total[1] > 0 || total[0] * repair_one_in > total[3]) return std::nullopt;
+  const auto flips = flip(mesh_, local_, walls_, certificate);
+  if (!copies_agree(comm_, flips.has_value(), flips.value_or(Flips{}), mesh_, local_, halo_)) return std::nullopt;
   if (remember_previous_) leave_behind();
-  take(*cells);
+  apply(*flips, local_, mesh_);
+  mesh_changed();
   return Outcome::repaired;
 }
 
@@ -188,7 +188,7 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   double diagonal = 0.0;
   for (int d = 0; d < 3; ++d) diagonal += domain_.length(d) * domain_.length(d);
   const double widest = 4.0 * (std::sqrt(diagonal) + largest);
-  TouchingCells cells;
+  LocalCells cells;
   for (halo_width_ = halo_radii * largest;; halo_width_ *= 2.0) {
     halo_.build(comm_, domain_, period_, own_, halo_width_);
     sort_local_grains();
@@ -202,17 +202,14 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   }
   hidden_ = cells.hidden;
   MPI_Allreduce(MPI_IN_PLACE, &hidden_, 1, MPI_INT64_T, MPI_SUM, comm_);
-  take(cells);
+  mesh_ = make_mesh(cells, local_);
+  mesh_changed();
   look();
   meshed_ = true;
 }
 
-void PoreNetwork::take(const TouchingCells& cells) {
-  mesh_ = make_mesh(cells, local_);
-  wall_facets_.clear();
-  const auto walled = [this](std::int32_t cell) { return static_cast<std::size_t>(cell) >= mesh_.cell_end[0]; };
-  for (std::size_t f = 0; f < mesh_.facets(); ++f)
-    if (walled(mesh_.facet.left[f]) || walled(mesh_.facet.right[f])) wall_facets_.push_back(f);
+void PoreNetwork::mesh_changed() {
+  wall_facets_ = facets_at_walls(mesh_);
   exchange_built_ = false;
   ++mesh_number_;
 }

@@ -110,7 +110,7 @@ class PoreNetwork {
  private:
   // Whether the mesh at hand could be kept or repaired.
   std::optional<Outcome> keep(const GrainInput& input);
-  void take(const TouchingCells& cells);
+  void mesh_changed();
   void rebuild(const GrainInput& input);
   void leave_behind();
   void place(const GrainInput& input, bool continuous);

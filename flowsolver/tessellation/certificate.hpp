@@ -10,10 +10,11 @@
 namespace poreslip {
 
 struct Certificate {
-  std::vector<std::size_t> violated_facets;  // facets that fail the power test
-  std::int64_t inverted_cells = 0;           // cells turned inside out
-  std::int64_t exact_tests = 0;              // tests that double precision could not decide
-  bool valid() const { return violated_facets.empty() && inverted_cells == 0; }
+  std::vector<std::size_t> violated_facets;     // facets that fail the power test, surrounding ones last
+  std::int64_t violated = 0;                    // how many of them have an own grain
+  std::int64_t inverted_cells = 0;              // cells that touch own grains, turned inside out
+  std::vector<std::int32_t> inverted_around;    // surrounding cells turned inside out
+  std::int64_t exact_tests = 0;                 // tests that double precision could not decide
 };
 
 // Every cell positively oriented and every facet locally regular: then, by Delaunay's lemma, the mesh is the triangulation.

@@ -1,9 +1,10 @@
 #include "tessellation/flips.hpp"
 
 #include <algorithm>
-#include <cstdint>
 #include <deque>
+#include <unordered_map>
 
+#include "tessellation/orientation.hpp"
 #include "tessellation/predicates.hpp"
 
 namespace poreslip {
@@ -14,37 +15,23 @@ constexpr std::size_t flips_per_violation = 50;
 
 using Cell = std::array<Vertex, 4>;
 using Facet = std::array<Vertex, 3>;
-constexpr int outward_facet[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
-// A rotation, which keeps the normal, that puts a grain first.
-Facet grain_first(Facet f) {
-  while (is_wall(f[0])) f = {f[1], f[2], f[0]};
-  return f;
-}
-
+// Cells are numbered as in the mesh, those that flips make after all of these. What flips touch is copied; the mesh stays as it is.
 class Flipper {
  public:
-  Flipper(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls) : grains_(grains), walls_(walls) {
-    const std::size_t n = before_ = mesh.cells();
-    vertex_.resize(n);
-    neighbour_.assign(n, {-1, -1, -1, -1});
-    alive_.assign(n, true);
-    for (std::size_t c = 0; c < n; ++c)
-      for (int k = 0; k < 4; ++k) vertex_[c][k] = mesh.cell_vertex[k][c];
-    for (std::size_t f = 0; f < mesh.facets(); ++f) {
-      neighbour_[mesh.facet.left[f]][place(mesh.facet.left[f], mesh.facet.left_apex[f])] = mesh.facet.right[f];
-      neighbour_[mesh.facet.right[f]][place(mesh.facet.right[f], mesh.facet.right_apex[f])] = mesh.facet.left[f];
-    }
+  Flipper(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls, const std::vector<std::int32_t>& inverted)
+      : mesh_(mesh), grains_(grains), walls_(walls), first_new_(static_cast<std::int32_t>(mesh.all_cells())) {
+    for (const std::int32_t c : inverted) at(c).inverted = true;
   }
 
-  bool run(const Mesh& mesh, const std::vector<std::size_t>& violated) {
-    for (const std::size_t f : violated) queue_.push_back({mesh.facet.left[f], mesh.facet.left_apex[f]});
+  bool run(const std::vector<std::size_t>& violated) {
+    for (const std::size_t f : violated) queue_.push_back({mesh_.facet.left[f], mesh_.facet.left_apex[f]});
     std::size_t budget = 1000 + flips_per_violation * violated.size(), stuck = 0;
     // A facet that cannot be flipped now waits for the others; when all that are left wait, nothing moves any more.
     while (!queue_.empty() && stuck < 2 * queue_.size() + 2) {
       const auto [cell, apex] = queue_.front();
       queue_.pop_front();
-      if (!alive_[cell]) continue;
+      if (!at(cell).alive) continue;
       switch (improve(cell, place(cell, apex))) {
         case Step::regular: break;
         case Step::flipped:
@@ -57,34 +44,66 @@ class Flipper {
           break;
       }
     }
-    return queue_.empty();
+    // Those without an own grain are another rank's to clear.
+    return std::none_of(queue_.begin(), queue_.end(), [this](const auto& waiting) {
+      const auto [cell, apex] = waiting;
+      if (!at(cell).alive) return false;
+      const int* o = outward_facet[place(cell, apex)];
+      const Cell v = at(cell).vertex;
+      const Facet f{v[o[0]], v[o[1]], v[o[2]]};
+      return touches_own(f.data(), 3, grains_);
+    });
   }
 
-  TouchingCells result() const {
-    std::vector<std::int32_t> number(vertex_.size(), -1);
-    TouchingCells cells;
-    for (std::size_t c = 0; c < vertex_.size(); ++c) {
-      if (!alive_[c]) continue;
-      number[c] = static_cast<std::int32_t>(cells.vertex.size());
-      cells.vertex.push_back(vertex_[c]);
-      cells.neighbour.push_back(neighbour_[c]);
-      cells.previous.push_back(c < before_ ? static_cast<std::int32_t>(c) : -1);
+  Flips result() const {
+    Flips flips;
+    std::unordered_map<std::int32_t, std::int32_t> added;  // by their numbers here
+    for (std::size_t w = 0; w < work_.size(); ++w) {
+      const Work& cell = work_[w];
+      if (cell.base >= 0) {
+        if (!cell.alive) flips.removed.push_back(cell.base);
+      } else if (cell.alive) {
+        added[first_new_ + static_cast<std::int32_t>(w)] = static_cast<std::int32_t>(flips.added.size());
+        flips.added.push_back(cell.vertex);
+        flips.neighbour.push_back(cell.neighbour);
+      }
     }
-    for (std::size_t c = 0; c < cells.vertex.size(); ++c) {
-      for (auto& n : cells.neighbour[c]) n = n < 0 ? -1 : number[n];
-      grains_before_walls(cells.vertex[c], cells.neighbour[c]);
+    for (std::size_t c = 0; c < flips.added.size(); ++c) {
+      for (auto& n : flips.neighbour[c])
+        if (n >= first_new_) n = -2 - added.at(n);
+      grains_before_walls(flips.added[c], flips.neighbour[c]);
     }
-    return cells;
+    return flips;
   }
 
  private:
+  struct Work {
+    Cell vertex;
+    std::array<std::int32_t, 4> neighbour;
+    std::int32_t base;      // its number in the mesh, -1 for a new cell
+    bool alive = true;
+    bool inverted = false;  // nothing next to it is flipped
+  };
   enum class Step { regular, flipped, waits };
 
-  int place(std::int32_t cell, Vertex v) const {
-    const auto& c = vertex_[cell];
+  Work& at(std::int32_t cell) {
+    if (cell >= first_new_) return work_[cell - first_new_];
+    const auto [place, missing] = work_of_base_.try_emplace(cell, work_.size());
+    if (missing) {
+      work_.push_back({mesh_.vertices(cell), {}, cell});
+      for (int k = 0; k < 4; ++k) work_.back().neighbour[k] = mesh_.neighbour(cell, k);
+    }
+    return work_[place->second];
+  }
+  int place(std::int32_t cell, Vertex v) {
+    const auto& c = at(cell).vertex;
     return static_cast<int>(std::find(c.begin(), c.end(), v) - c.begin());
   }
-  bool has(std::int32_t cell, Vertex v) const { return place(cell, v) < 4; }
+  bool has(std::int32_t cell, Vertex v) { return place(cell, v) < 4; }
+  std::int32_t neighbour_off(std::int32_t cell, Vertex v) {
+    const Work& c = at(cell);
+    return c.neighbour[std::find(c.vertex.begin(), c.vertex.end(), v) - c.vertex.begin()];
+  }
 
   // Keeps the orientation: an odd permutation is made even within the grains, or within the three walls of a corner.
   static void grains_before_walls(Cell& v, std::array<std::int32_t, 4>& n) {
@@ -114,34 +133,33 @@ class Flipper {
 
   void link(std::int32_t outer, const Facet& facet, std::int32_t to) {
     if (outer < 0) return;
-    const auto& v = vertex_[outer];
+    Work& cell = at(outer);
     for (int k = 0; k < 4; ++k)
-      if (std::find(facet.begin(), facet.end(), v[k]) == facet.end()) neighbour_[outer][k] = to;
+      if (std::find(facet.begin(), facet.end(), cell.vertex[k]) == facet.end()) cell.neighbour[k] = to;
   }
 
   std::int32_t add(const Cell& v) {
-    vertex_.push_back(v);
-    neighbour_.push_back({-1, -1, -1, -1});
-    alive_.push_back(true);
-    return static_cast<std::int32_t>(vertex_.size() - 1);
+    work_.push_back({v, {-1, -1, -1, -1}, -1});
+    return first_new_ + static_cast<std::int32_t>(work_.size() - 1);
   }
 
   void test_later(std::int32_t cell, Vertex apex) {
-    if (neighbour_[cell][place(cell, apex)] >= 0) queue_.push_back({cell, apex});
+    if (neighbour_off(cell, apex) >= 0) queue_.push_back({cell, apex});
   }
 
   // Flips the facet opposite vertex k of a cell if it fails the power test and can be flipped.
   Step improve(std::int32_t left, int k) {
-    const std::int32_t right = neighbour_[left][k];
+    const std::int32_t right = at(left).neighbour[k];
     if (right < 0) return Step::regular;
-    const Cell v = vertex_[left];
+    if (at(left).inverted || at(right).inverted) return Step::waits;
+    const Cell v = at(left).vertex;
     const int* o = outward_facet[k];
     Facet f{v[o[0]], v[o[1]], v[o[2]]};
     if (is_wall(f[0]) && is_wall(f[1]) && is_wall(f[2])) return Step::regular;
-    f = grain_first(f);
+    f = grains_first(f);
     const Vertex d = v[k];
     Vertex e = d;
-    for (const Vertex w : vertex_[right])
+    for (const Vertex w : at(right).vertex)
       if (w != f[0] && w != f[1] && w != f[2]) e = w;
     if (violation_sign(grains_, walls_, f, d, e, exact_tests_) <= 0) return Step::regular;
     int reflex = -1, count = 0;
@@ -162,15 +180,15 @@ class Flipper {
     std::int32_t below[3], above[3], made[3];
     for (int i = 0; i < 3; ++i) {
       const Vertex off = f[(i + 2) % 3];
-      below[i] = neighbour_[left][place(left, off)];
-      above[i] = neighbour_[right][place(right, off)];
+      below[i] = neighbour_off(left, off);
+      above[i] = neighbour_off(right, off);
     }
     for (int i = 0; i < 3; ++i) made[i] = add({f[i], f[(i + 1) % 3], d, e});
-    alive_[left] = alive_[right] = false;
+    at(left).alive = at(right).alive = false;
     for (int i = 0; i < 3; ++i) {
       const Vertex p = f[i], q = f[(i + 1) % 3];
       // Opposite p lies the cell at the next edge, opposite q the one at the edge before.
-      neighbour_[made[i]] = {made[(i + 1) % 3], made[(i + 2) % 3], above[i], below[i]};
+      at(made[i]).neighbour = {made[(i + 1) % 3], made[(i + 2) % 3], above[i], below[i]};
       link(above[i], {p, q, e}, made[i]);
       link(below[i], {p, q, d}, made[i]);
     }
@@ -183,8 +201,8 @@ class Flipper {
 
   // The edge (a, b) goes, if just three cells are around it: abcd, abce and abde.
   Step three_to_two(std::int32_t left, std::int32_t right, Vertex a, Vertex b, Vertex c, Vertex d, Vertex e) {
-    const std::int32_t third = neighbour_[left][place(left, c)];
-    if (third < 0 || third != neighbour_[right][place(right, c)] || !has(third, d) || !has(third, e)) return Step::waits;
+    const std::int32_t third = neighbour_off(left, c);
+    if (third < 0 || third != neighbour_off(right, c) || !has(third, d) || !has(third, e) || at(third).inverted) return Step::waits;
     const int side_a = orientation({c, d, e, a}), side_b = orientation({c, d, e, b});
     if (side_a * side_b >= 0) return Step::waits;
     std::int32_t made[2];
@@ -192,17 +210,17 @@ class Flipper {
     std::int32_t outer[2][3];
     for (int s = 0; s < 2; ++s) {
       const Vertex gone = end[1 - s];
-      outer[s][0] = neighbour_[third][place(third, gone)];  // opposite c
-      outer[s][1] = neighbour_[right][place(right, gone)];  // opposite d
-      outer[s][2] = neighbour_[left][place(left, gone)];    // opposite e
+      outer[s][0] = neighbour_off(third, gone);  // opposite c
+      outer[s][1] = neighbour_off(right, gone);  // opposite d
+      outer[s][2] = neighbour_off(left, gone);   // opposite e
     }
     for (int s = 0; s < 2; ++s) {
       const bool positive = (s == 0 ? side_a : side_b) > 0;
       made[s] = add(positive ? Cell{c, d, e, end[s]} : Cell{d, c, e, end[s]});
     }
-    alive_[left] = alive_[right] = alive_[third] = false;
+    at(left).alive = at(right).alive = at(third).alive = false;
     for (int s = 0; s < 2; ++s) {
-      auto& n = neighbour_[made[s]];
+      auto& n = at(made[s]).neighbour;
       n[place(made[s], c)] = outer[s][0];
       n[place(made[s], d)] = outer[s][1];
       n[place(made[s], e)] = outer[s][2];
@@ -216,22 +234,21 @@ class Flipper {
     return Step::flipped;
   }
 
+  const Mesh& mesh_;
   const LocalGrains& grains_;
   const WallSpheres& walls_;
-  std::vector<Cell> vertex_;
-  std::vector<std::array<std::int32_t, 4>> neighbour_;
-  std::vector<bool> alive_;
+  const std::int32_t first_new_;
+  std::vector<Work> work_;  // a new cell is number first_new_ + its place here
+  std::unordered_map<std::int32_t, std::size_t> work_of_base_;
   std::deque<std::pair<std::int32_t, Vertex>> queue_;  // a cell and the apex opposite the facet in question
-  std::size_t before_ = 0;  // cells of the mesh at the start
   std::int64_t exact_tests_ = 0;
 };
 
 }  // namespace
 
-std::optional<TouchingCells> flip(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls,
-                                  const std::vector<std::size_t>& violated) {
-  Flipper flipper(mesh, grains, walls);
-  if (!flipper.run(mesh, violated)) return std::nullopt;
+std::optional<Flips> flip(const Mesh& mesh, const LocalGrains& grains, const WallSpheres& walls, const Certificate& certificate) {
+  Flipper flipper(mesh, grains, walls, certificate.inverted_around);
+  if (!flipper.run(certificate.violated_facets)) return std::nullopt;
   return flipper.result();
 }
 

@@ -2,40 +2,37 @@
 
 #include <algorithm>
 
+#include "tessellation/orientation.hpp"
+
 namespace poreslip {
 namespace {
 
-// Vertices of the facet opposite vertex k of a positively oriented cell, turning so that its normal points out of the cell.
-constexpr int outward_facet[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+// Room for flips to add to, in shares of the whole: else the first that does would copy everything, and take twice the memory.
+constexpr std::size_t spare_one_in = 64;
 
-// The same facet with grains before walls; a rotation keeps the normal.
-std::array<Vertex, 3> grains_first(std::array<Vertex, 3> f) {
-  while (is_wall(f[0]) || (is_wall(f[1]) && !is_wall(f[2]))) f = {f[1], f[2], f[0]};
-  return f;
+template <class T>
+void resize_with_room(std::vector<T>& v, std::size_t size) {
+  v.reserve(size + size / spare_one_in);
+  v.resize(size);
 }
 
-int count_walls(const Vertex* v, int count) {
-  int walls = 0;
-  for (int k = 0; k < count; ++k) walls += is_wall(v[k]);
-  return walls;
-}
-
-// Order of cells by number of walls, then by lowest grain: a counting sort.
-std::vector<std::int32_t> sorted_order(const TouchingCells& cells, std::size_t grains, std::array<std::size_t, 4>& end) {
+// Order of cells by kind, then by lowest grain: a counting sort.
+std::vector<std::int32_t> sorted_order(const LocalCells& cells, std::size_t grains, std::array<std::size_t, 6>& end) {
   const std::size_t n = cells.vertex.size();
-  std::vector<std::uint32_t> key(n), start(4 * grains + 1, 0);
-  end = {0, 0, 0, 0};
+  const std::size_t kinds = cells.touching == n ? 4 : 6;
+  std::vector<std::uint32_t> key(n), start(kinds * grains + 1, 0);
+  end = {};
   for (std::size_t c = 0; c < n; ++c) {
     const auto& v = cells.vertex[c];
-    const int walls = count_walls(v.data(), 4);
+    const int walls = count_walls(v.data(), 4), kind = c < cells.touching ? walls : 4 + (walls > 0);
     // As an unsigned number a wall comes after all grains.
     const auto at = [&v](int k) { return static_cast<std::uint32_t>(v[k]); };
     const std::uint32_t first = std::min(std::min(at(0), at(1)), std::min(at(2), at(3)));
-    key[c] = static_cast<std::uint32_t>(walls * grains + first);
+    key[c] = static_cast<std::uint32_t>(kind * grains + first);
     ++start[key[c] + 1];
-    ++end[walls];
+    ++end[kind];
   }
-  for (int k = 1; k < 4; ++k) end[k] += end[k - 1];
+  for (int k = 1; k < 6; ++k) end[k] += end[k - 1];
   for (std::size_t k = 1; k < start.size(); ++k) start[k] += start[k - 1];
   std::vector<std::int32_t> order(n);
   for (std::size_t c = 0; c < n; ++c) order[start[key[c]]++] = static_cast<std::int32_t>(c);
@@ -45,41 +42,44 @@ std::vector<std::int32_t> sorted_order(const TouchingCells& cells, std::size_t g
 // Fills facet arrays whose numbers by kind are known.
 class FacetWriter {
  public:
-  FacetWriter(FacetArrays& arrays, const std::array<std::size_t, 3>& count) : arrays_(arrays) {
+  FacetWriter(FacetArrays& arrays, const std::array<std::size_t, 5>& count) : arrays_(arrays) {
     std::size_t total = 0;
-    for (int walls = 0; walls < 3; ++walls) {
-      next_[walls] = total;
-      arrays.end[walls] = total += count[walls];
+    for (int kind = 0; kind < 5; ++kind) {
+      next_[kind] = total;
+      arrays.end[kind] = total += count[kind];
     }
-    for (auto& v : arrays.vertex) v.resize(total);
-    for (auto* v : {&arrays.left, &arrays.right, &arrays.left_apex, &arrays.right_apex}) v->resize(total);
+    for (auto& v : arrays.vertex) resize_with_room(v, total);
+    for (auto* v : {&arrays.left, &arrays.right, &arrays.left_apex, &arrays.right_apex}) resize_with_room(*v, total);
   }
 
-  void add(int walls, const std::array<Vertex, 3>& facet, std::int32_t left, std::int32_t right, Vertex left_apex,
-           Vertex right_apex) {
-    const std::size_t f = next_[walls]++;
+  std::int32_t add(int kind, const std::array<Vertex, 3>& facet, std::int32_t left, std::int32_t right, Vertex left_apex,
+                   Vertex right_apex) {
+    const std::size_t f = next_[kind]++;
     for (int k = 0; k < 3; ++k) arrays_.vertex[k][f] = facet[k];
     arrays_.left[f] = left;
     arrays_.right[f] = right;
     arrays_.left_apex[f] = left_apex;
     arrays_.right_apex[f] = right_apex;
+    return static_cast<std::int32_t>(f);
   }
 
  private:
   FacetArrays& arrays_;
-  std::array<std::size_t, 3> next_;
+  std::array<std::size_t, 5> next_;
 };
 
-// Calls inner(walls, facet, cell, neighbour, apex, apex across) for each facet that has an own grain, once, and
-// outer(walls, facet, cell, apex) for each other facet of an owned cell.
-template <class Inner, class Outer>
+// Calls visit(kind, facet, cell, k, neighbour or -1) once for each facet between known cells, and for those of the mesh's cells that have
+// no known neighbour.
+template <class Visit>
 void for_each_facet(const Mesh& mesh, const std::vector<std::array<std::int32_t, 4>>& neighbour, const LocalGrains& grains,
-                    bool all_own, Inner inner, Outer outer) {
-  const auto n = static_cast<std::int32_t>(mesh.cells());
+                    bool all_own, Visit visit) {
+  const auto n = static_cast<std::int32_t>(mesh.all_cells()), touching = static_cast<std::int32_t>(mesh.cells());
   for (std::int32_t c = 0; c < n; ++c) {
-    const std::array<Vertex, 4> v{mesh.cell_vertex[0][c], mesh.cell_vertex[1][c], mesh.cell_vertex[2][c], mesh.cell_vertex[3][c]};
+    const std::array<Vertex, 4> v = mesh.vertices(c);
     const bool walled = static_cast<std::size_t>(c) >= mesh.cell_end[0];
     for (int k = 0; k < 4; ++k) {
+      const std::int32_t other = neighbour[c][k];
+      if (other < c && (other >= 0 || c >= touching)) continue;
       const int* f = outward_facet[k];
       std::array<Vertex, 3> facet{v[f[0]], v[f[1]], v[f[2]]};
       int walls = 0;
@@ -88,23 +88,23 @@ void for_each_facet(const Mesh& mesh, const std::vector<std::array<std::int32_t,
         if (walls == 3) continue;
         facet = grains_first(facet);
       }
-      bool own = all_own;
-      for (int i = 0; !own && i < 3 - walls; ++i) own = grains.own(facet[i]);
-      if (!own) {
-        if (mesh.owned[c]) outer(walls, facet, c, v[k]);
-        continue;
-      }
-      const std::int32_t other = neighbour[c][k];
-      if (other < c) continue;
-      // The vertex across is the one that the two cells do not share.
-      Vertex across = facet[0] ^ facet[1] ^ facet[2];
-      for (int i = 0; i < 4; ++i) across ^= mesh.cell_vertex[i][other];
-      inner(walls, facet, c, other, v[k], across);
+      const int kind = all_own || touches_own(facet.data(), 3, grains) ? walls : 3 + (walls > 0);
+      visit(kind, facet, c, k, other);
     }
   }
 }
 
+bool knows_all(const LocalGrains& grains) {
+  return std::all_of(grains.source.begin(), grains.source.end(), [](std::int32_t s) { return s >= 0; });
+}
+
 }  // namespace
+
+bool touches_own(const Vertex* vertex, int count, const LocalGrains& grains) {
+  for (int k = 0; k < count; ++k)
+    if (!is_wall(vertex[k]) && grains.own(vertex[k])) return true;
+  return false;
+}
 
 Vertex leading_vertex(const Vertex* vertex, int count, const LocalGrains& grains) {
   Vertex first = -1;
@@ -123,19 +123,19 @@ bool belongs_here(const Vertex* vertex, int count, const LocalGrains& grains) {
   return first >= 0 && grains.own(first);
 }
 
-Mesh make_mesh(const TouchingCells& cells, const LocalGrains& grains) {
+Mesh make_mesh(const LocalCells& cells, const LocalGrains& grains) {
   Mesh mesh;
   const auto order = sorted_order(cells, grains.size(), mesh.cell_end);
   const std::size_t n = order.size();
   std::vector<std::int32_t> rank_of(n);
   for (std::size_t c = 0; c < n; ++c) rank_of[order[c]] = static_cast<std::int32_t>(c);
-  for (auto& v : mesh.cell_vertex) v.resize(n);
-  mesh.owned = std::make_unique<bool[]>(n);
+  for (auto& v : mesh.cell_vertex) resize_with_room(v, n);
+  mesh.owned = std::make_unique<bool[]>(cells.touching);
   if (!cells.previous.empty()) {
-    mesh.previous.resize(n);
-    for (std::size_t c = 0; c < n; ++c) mesh.previous[c] = cells.previous[order[c]];
+    mesh.previous.resize(cells.touching);
+    for (std::size_t c = 0; c < cells.touching; ++c) mesh.previous[c] = cells.previous[order[c]];
   }
-  const bool all_own = std::all_of(grains.source.begin(), grains.source.end(), [](std::int32_t s) { return s >= 0; });
+  const bool all_own = knows_all(grains);
   std::vector<std::array<std::int32_t, 4>> neighbour(n);
   for (std::size_t c = 0; c < n; ++c) {
     const auto& v = cells.vertex[order[c]];
@@ -144,21 +144,81 @@ Mesh make_mesh(const TouchingCells& cells, const LocalGrains& grains) {
       const std::int32_t other = cells.neighbour[order[c]][k];
       neighbour[c][k] = other < 0 ? -1 : rank_of[other];
     }
-    mesh.owned[c] = all_own || belongs_here(v.data(), 4, grains);
+    if (c < cells.touching) mesh.owned[c] = all_own || belongs_here(v.data(), 4, grains);
   }
 
-  std::array<std::size_t, 3> inner{}, outer{};
-  for_each_facet(
-      mesh, neighbour, grains, all_own, [&inner](int walls, auto&&...) { ++inner[walls]; },
-      [&outer](int walls, auto&&...) { ++outer[walls]; });
-  FacetWriter inner_facets(mesh.facet, inner), outer_facets(mesh.outer, outer);
-  for_each_facet(
-      mesh, neighbour, grains, all_own,
-      [&](int walls, const auto& facet, std::int32_t c, std::int32_t other, Vertex apex, Vertex across) {
-        inner_facets.add(walls, facet, c, other, apex, across);
-      },
-      [&](int walls, const auto& facet, std::int32_t c, Vertex apex) { outer_facets.add(walls, facet, c, -1, apex, -1); });
+  std::array<std::size_t, 5> count{};
+  for_each_facet(mesh, neighbour, grains, all_own, [&count](int kind, auto&&...) { ++count[kind]; });
+  for (auto& f : mesh.cell_facet) {
+    resize_with_room(f, n);
+    std::fill(f.begin(), f.end(), -1);
+  }
+  FacetWriter facets(mesh.facet, count);
+  for_each_facet(mesh, neighbour, grains, all_own,
+                 [&](int kind, const auto& facet, std::int32_t c, int k, std::int32_t other) {
+                   Vertex across = -1;
+                   int place = 0;
+                   if (other >= 0) {
+                     // The vertex across is the one that the two cells do not share.
+                     across = facet[0] ^ facet[1] ^ facet[2];
+                     for (int i = 0; i < 4; ++i) across ^= mesh.cell_vertex[i][other];
+                     while (mesh.cell_vertex[place][other] != across) ++place;
+                   }
+                   const std::int32_t f = facets.add(kind, facet, c, other, mesh.cell_vertex[k][c], across);
+                   mesh.cell_facet[k][c] = f;
+                   if (other >= 0) mesh.cell_facet[place][other] = f;
+                 });
+  mesh.outer = outer_facets(mesh);
   return mesh;
+}
+
+Mesh sorted(const Mesh& mesh, const LocalGrains& grains) {
+  LocalCells cells;
+  const std::size_t n = mesh.all_cells();
+  cells.touching = mesh.cells();
+  cells.previous = mesh.previous;
+  cells.vertex.resize(n);
+  cells.neighbour.resize(n);
+  for (std::size_t c = 0; c < n; ++c) {
+    cells.vertex[c] = mesh.vertices(c);
+    for (int k = 0; k < 4; ++k) cells.neighbour[c][k] = mesh.neighbour(c, k);
+  }
+  return make_mesh(cells, grains);
+}
+
+FacetArrays outer_facets(const Mesh& mesh) {
+  FacetArrays outer;
+  const FacetArrays& facet = mesh.facet;
+  // Calls visit(walls, facet, cell, apex); from the right the facet turns the other way.
+  const auto for_each = [&](auto visit) {
+    for (std::size_t f = facet.end[2]; f < facet.end[4]; ++f) {
+      std::array<Vertex, 3> v{facet.vertex[0][f], facet.vertex[1][f], facet.vertex[2][f]};
+      const int walls = count_walls(v.data(), 3);
+      const auto owned = [&mesh](std::int32_t c) { return c >= 0 && static_cast<std::size_t>(c) < mesh.cells() && mesh.owned[c]; };
+      if (owned(facet.left[f])) visit(walls, v, facet.left[f], facet.left_apex[f]);
+      if (!owned(facet.right[f])) continue;
+      if (walls == 2) std::swap(v[1], v[2]);
+      else std::swap(v[0], v[1]);
+      visit(walls, v, facet.right[f], facet.right_apex[f]);
+    }
+  };
+  std::array<std::size_t, 5> count{};
+  for_each([&count](int walls, auto&&...) { ++count[walls]; });
+  FacetWriter writer(outer, count);
+  for_each([&writer](int walls, const auto& v, std::int32_t cell, Vertex apex) { writer.add(walls, v, cell, -1, apex, -1); });
+  return outer;
+}
+
+std::vector<std::size_t> facets_at_walls(const Mesh& mesh) {
+  std::vector<std::size_t> found;
+  for (std::size_t c = mesh.cell_end[0]; c < mesh.cell_end[3]; ++c)
+    for (int k = 0; k < 4; ++k) {
+      const std::int32_t f = mesh.cell_facet[k][c];
+      if (f < 0 || static_cast<std::size_t>(f) >= mesh.facets()) continue;
+      // One between two such cells is the left one's.
+      if (mesh.facet.left[f] == static_cast<std::int32_t>(c) || !mesh.walled(mesh.facet.left[f])) found.push_back(f);
+    }
+  return found;
 }
 
 }  // namespace poreslip

@@ -154,9 +154,9 @@ std::array<Vertex, 4> grains_first(const std::array<Vertex, 4>& v) {
 
 }  // namespace
 
-TouchingCells triangulate(const LocalGrains& grains, const WallSpheres& walls, const std::array<double, 3>& known_lower,
+LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, const std::array<double, 3>& known_lower,
                           const std::array<double, 3>& known_upper, double largest_radius) {
-  TouchingCells result;
+  LocalCells result;
   Regular triangulation;
   for (int w = 0; w < 6; ++w)
     if (walls.present[w]) triangulation.insert(point_of(grains, walls, vertex_of_wall(w)))->info() = vertex_of_wall(w);
@@ -192,8 +192,16 @@ TouchingCells triangulate(const LocalGrains& grains, const WallSpheres& walls, c
   std::vector<Regular::Cell_handle> cells;
   cells.reserve(triangulation.tds().number_of_cells());
   result.vertex.reserve(cells.capacity());
+  const auto vertices_of = [](Regular::Cell_handle c) {
+    return std::array<Vertex, 4>{c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
+  };
+  const auto take = [&](Regular::Cell_handle c, const std::array<Vertex, 4>& v) {
+    c->info() = static_cast<std::int32_t>(cells.size());
+    cells.push_back(c);
+    result.vertex.push_back(v);
+  };
   for (auto c = triangulation.tds().cells_begin(); c != triangulation.tds().cells_end(); ++c) {
-    const std::array<Vertex, 4> v{c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
+    const std::array<Vertex, 4> v = vertices_of(c);
     c->info() = -1;
     bool touches = false, walled = false;
     for (const Vertex g : v) {
@@ -210,12 +218,18 @@ TouchingCells triangulate(const LocalGrains& grains, const WallSpheres& walls, c
       result.complete = false;
       return result;
     }
-    c->info() = static_cast<std::int32_t>(cells.size());
-    cells.push_back(c);
-    result.vertex.push_back(sorted);
+    take(c, sorted);
     for (const Vertex g : sorted)
       if (!is_wall(g)) seen[g] = true;
   }
+  result.touching = cells.size();
+  if (!all_own)
+    for (auto c = triangulation.tds().cells_begin(); c != triangulation.tds().cells_end(); ++c) {
+      if (c->info() >= 0) continue;
+      const std::array<Vertex, 4> v = vertices_of(c);
+      const bool near = std::any_of(v.begin(), v.end(), [&seen](Vertex g) { return !is_wall(g) && seen[g]; });
+      if (near && box_shaped(v)) take(c, grains_first(v));
+    }
   result.neighbour.resize(cells.size());
   for (std::size_t c = 0; c < cells.size(); ++c)
     for (int k = 0; k < 4; ++k) {
