@@ -96,6 +96,8 @@ def _check(a: argparse.Namespace) -> None:
         raise InputError(f"--steps is {a.steps}: expected 1 or more")
     if a.dt is None and (a.explicit or a.steps > 1 or a.history):
         raise InputError(f"{'--explicit' if a.explicit else '--steps' if a.steps > 1 else '--history'} is of flow in time: give --dt")
+    if a.explicit and "-flow_" in a.petsc:
+        raise InputError("explicit steps have no linear solver: leave out the options -flow_...")
     if a.steady and a.dt is not None:
         raise InputError("--steady and --dt exclude each other")
     if set(a.periodic) - set("xyz"):

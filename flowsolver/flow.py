@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import difflib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ TOLERANCE = 1e-10
 LIMIT_SHARE = 0.9
 """Explicit steps take this share of their stability limit."""
 MOST_SUBSTEPS = 1_000_000
+PETSC_PREFIX = "flow_"
+"""What the names of the linear solver's options begin with, after their dash."""
 ROUNDING = 4e-16
 """Relative, of a pressure."""
 
@@ -101,7 +104,8 @@ class PoreFlow:
         Limiter: a throat's open area counts as at least this share of its facet; a pore's void, for storage only, as at least
         this share of its cell. What it touches is counted in each report.
     petsc_options
-        As on a PETSc command line; those of the linear solver begin with -flow_, as in "-flow_ksp_view -flow_pc_type gamg".
+        As on a PETSc command line; those of the linear solver begin with -flow_, as in "-flow_ksp_view -flow_pc_type gamg". The first
+        solve refuses those that it has no use for.
     """
 
     def __init__(
@@ -127,6 +131,7 @@ class PoreFlow:
             faults.append(f'conductance is {conductance!r}: expected "duct" or "hydraulic-radius"')
         network.agree(faults)
         self.network = network
+        self._unchecked_options = petsc_options
         self._native = _native.PoreFlow(
             network.native, float(viscosity), float(compressibility), conductance, least_open_share, least_void_share, petsc_options
         )
@@ -211,6 +216,8 @@ class PoreFlow:
         self.network.agree([] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"])
         fixed, owner, start, before, source, rate = self._conditions(boundary, pressure, volume_rate)
         after, report = self._native.solve(fixed, start, source, rate, dt, tolerance)
+        if self._unchecked_options and report["unknowns"]:
+            self._check_options()
         supply, missing, throughput = self._balance(fixed, after, before, source, rate, dt)
         if missing > tolerance * throughput:
             driven, rounding = self._driven(after, dt)
@@ -223,6 +230,18 @@ class PoreFlow:
                 report = _together(report, again)
                 supply, missing, throughput = self._balance(fixed, after, before, source, rate, dt)
         return FlowResult(after, self._outflow(boundary, owner, supply), missing / throughput if throughput > 0 else 0.0, report)
+
+    def _check_options(self) -> None:
+        """Once the linear solver has asked for its options: refuse those that it did not ask for."""
+        options, self._unchecked_options = self._unchecked_options, ""
+        faults = []
+        for name in _native.unused_options(options):
+            own = name if name.startswith(PETSC_PREFIX) else PETSC_PREFIX + name
+            known = _native.known_options()
+            near = [own] if own in known and own != name else difflib.get_close_matches(own, known, 1)
+            hint = f"did you mean -{near[0]}?" if near and near[0] != name else "leave it out"
+            faults.append(f"-{name} is no option of this linear solver and preconditioner: {hint}")
+        self.network.agree(faults)
 
     def _balance(
         self, fixed: NDArray[np.bool_], after: NDArray[np.float64], before: NDArray[np.float64], source: NDArray[np.float64], rate: NDArray[np.float64], dt: float

@@ -5,7 +5,9 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
+#include "flow/petsc_options.hpp"
 #include "flow/pore_flow.hpp"
 #include "tessellation/errors.hpp"
 
@@ -69,6 +71,10 @@ NB_MODULE(poreslip_flow, m) {
         if (started && !ended) PetscFinalize();
       },
       "End PETSc, before MPI ends; prints what options such as -log_view ask for. Collective.");
+
+  m.def("unused_options", &unused_options, nb::arg("given"),
+        "Names, without their dash, of those options of the linear solver in a string that PETSc has not looked at so far (local).");
+  m.def("known_options", &known_options, "Names, without their dash, of the linear solver's options (local).");
 
   nb::class_<PoreFlow>(m, "PoreFlow", "Flow through a PoreNetwork. Methods are collective unless they say local.")
       .def(

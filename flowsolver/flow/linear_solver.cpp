@@ -1,11 +1,11 @@
 #include "flow/linear_solver.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 
 #include "flow/petsc_check.hpp"
+#include "flow/petsc_options.hpp"
 #include "flow/sum.hpp"
 #include "tessellation/agreement.hpp"
 
@@ -19,40 +19,6 @@ constexpr int kept_extra = 2;
 // It is carried over to a system of which at most one row in so many is new, or has a diagonal changed by more than this share.
 constexpr std::int64_t carried_one_in = 50;
 constexpr double changed_share = 0.2;
-
-// The tuned multigrid, unless the user's options say otherwise.
-constexpr std::array<std::array<const char*, 2>, 11> default_options{{
-    {"-flow_ksp_type", "cg"},
-    {"-flow_ksp_norm_type", "unpreconditioned"},
-    {"-flow_pc_type", "hypre"},
-    {"-flow_pc_hypre_type", "boomeramg"},
-    {"-flow_pc_hypre_boomeramg_coarsen_type", "PMIS"},
-    {"-flow_pc_hypre_boomeramg_interp_type", "ext+i"},
-    {"-flow_pc_hypre_boomeramg_P_max", "4"},
-    {"-flow_pc_hypre_boomeramg_strong_threshold", "0.5"},
-    {"-flow_pc_hypre_boomeramg_agg_nl", "1"},
-    // Relaxing coarse and fine points in turn takes each sweep twice through the matrix and saves no iteration.
-    {"-flow_pc_hypre_boomeramg_no_CF", "1"},
-    // Elimination on the coarsest level fails where only differences of pressure are determined.
-    {"-flow_pc_hypre_boomeramg_relax_type_coarse", "symmetric-SOR/Jacobi"},
-}};
-
-void start_petsc(const std::string& options) {
-  PetscBool started = PETSC_FALSE;
-  check(PetscInitialized(&started));
-  if (!started) {
-    check(PetscInitializeNoArguments());
-    // The host program keeps its own signal handlers.
-    check(PetscPopSignalHandler());
-  }
-  check(PetscPushErrorHandler(PetscReturnErrorHandler, nullptr));
-  check(PetscOptionsInsertString(nullptr, options.c_str()));
-  for (const auto& [name, value] : default_options) {
-    PetscBool given = PETSC_FALSE;
-    check(PetscOptionsHasName(nullptr, nullptr, name, &given));
-    if (!given) check(PetscOptionsSetValue(nullptr, name, value));
-  }
-}
 
 double elapsed(double since) { return MPI_Wtime() - since; }
 
@@ -87,7 +53,10 @@ Mat matrix_of(MPI_Comm comm, MatrixArrays* arrays) {
 
 }  // namespace
 
-LinearSolver::LinearSolver(MPI_Comm comm, const std::string& options) : comm_(comm) { start_petsc(options); }
+LinearSolver::LinearSolver(MPI_Comm comm, const std::string& options) : comm_(comm), options_(options) {
+  start_petsc();
+  use_options(options_);
+}
 
 LinearSolver::~LinearSolver() {
   PetscBool finalized = PETSC_FALSE;
@@ -109,6 +78,7 @@ void LinearSolver::free_system() {
 void LinearSolver::make(Rows& rows, std::vector<PetscInt> start, const SystemShape& shape) {
   carried_.reset();
   free_system();
+  use_options(options_);
   const auto local = static_cast<PetscInt>(rows.size());
   int ranks = 1;
   MPI_Comm_size(comm_, &ranks);
@@ -124,7 +94,7 @@ void LinearSolver::make(Rows& rows, std::vector<PetscInt> start, const SystemSha
   check(VecDuplicate(right_, &solution_));
   check(KSPCreate(comm_, &solver_));
   check(KSPSetOptionsPrefix(solver_, "flow_"));
-  check(KSPSetFromOptions(solver_));
+  check_options(KSPSetFromOptions(solver_));
   check(KSPSetInitialGuessNonzero(solver_, PETSC_TRUE));
   check(KSPGetTolerances(solver_, nullptr, nullptr, nullptr, &most_iterations_));
 }
@@ -184,6 +154,7 @@ void LinearSolver::take(Rows& rows, const SystemShape& shape, const std::vector<
 LinearReport LinearSolver::solve(double relative_tolerance, double least_residual, std::vector<double>& unknown) {
   LinearReport report;
   double clock = MPI_Wtime();
+  use_options(options_);
   check(KSPSetOperators(solver_, matrix_, matrix_));
   report.setup = elapsed(clock);
   for (bool again = true; again;) {
@@ -195,7 +166,7 @@ LinearReport LinearSolver::solve(double relative_tolerance, double least_residua
       check(KSPDestroy(&solver_));
       check(KSPCreate(comm_, &solver_));
       check(KSPSetOptionsPrefix(solver_, "flow_"));
-      check(KSPSetFromOptions(solver_));
+      check_options(KSPSetFromOptions(solver_));
       check(KSPSetInitialGuessNonzero(solver_, PETSC_TRUE));
       check(KSPSetOperators(solver_, matrix_, matrix_));
     }

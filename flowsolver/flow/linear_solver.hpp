@@ -54,6 +54,7 @@ class LinearSolver {
   void free_system();
 
   MPI_Comm comm_;
+  std::string options_;
   Mat matrix_ = nullptr;
   KSP solver_ = nullptr;
   Vec right_ = nullptr, solution_ = nullptr;

@@ -9,11 +9,23 @@
 
 namespace poreslip::flow {
 
-inline void check(PetscErrorCode code) {
-  if (code == 0) return;
+// What PETSc has to say of an error, of the one at hand if it says anything.
+inline std::string words_of(PetscErrorCode code) {
   const char* text = nullptr;
-  PetscErrorMessage(code, &text, nullptr);
-  throw ComputationError("PETSc error " + std::to_string(code) + (text ? std::string(": ") + text : ""));
+  char* said = nullptr;
+  PetscErrorMessage(code, &text, &said);
+  std::string words = said && *said ? said : text ? text : "";
+  while (!words.empty() && (words.back() == '\n' || words.back() == ' ')) words.pop_back();
+  return words;
+}
+
+inline void check(PetscErrorCode code) {
+  if (code != 0) throw ComputationError("PETSc error " + std::to_string(code) + ": " + words_of(code));
+}
+
+// For what reads the user's options, which all ranks have alike.
+inline void check_options(PetscErrorCode code) {
+  if (code != 0) throw InputError("an option of PETSc (-flow_...) has a value that it does not take: " + words_of(code));
 }
 
 }  // namespace poreslip::flow

@@ -310,6 +310,17 @@ def test_bad_input(network, fault):
         act(network)
 
 
+def test_options_are_of_one_solver(network, capfd):
+    """PETSc has one table of options for all solvers of a process; each has its own here, in any order of use, and refuses what it cannot use."""
+    plain, other = PoreFlow(network, 1.0), PoreFlow(network, 1.0, petsc_options="-flow_pc_type jacobi")
+    iterations = [flow.steady(DRIVEN).report["iterations"] for flow in (plain, other, PoreFlow(network, 1.0))]
+    assert iterations[0] == iterations[2] < iterations[1]
+    for options, message in (("-flow_ksp_max_itt 5", "-flow_ksp_max_itt is no option .*: did you mean -flow_ksp_max_it?"), ("-flow_pc_type none_such", "none_such")):
+        with pytest.raises(InputError, match=message):
+            PoreFlow(network, 1.0, petsc_options=options).steady(DRIVEN)
+    assert plain.steady(DRIVEN).report["iterations"] <= iterations[0]
+
+
 def test_periodic_faces_take_no_pressure():
     net = make_network(30, (0.08, 0.12), periodic=(False, True, False))
     with pytest.raises(InputError, match="face 'ymin' is periodic"):
