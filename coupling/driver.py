@@ -137,11 +137,11 @@ class Run:
     def _tell_of_the_split(self) -> None:
         flow = self.case.flow
         if flow.two_way and flow.split == "staggered":
-            from coupling.case.staggered_limit import layers_of
+            from coupling.case.staggered_limit import layers_of, range_text
 
             longest = layers_of(self.case).longest_interval()
             if flow.interval_steps > longest:
-                self._tell(f'flow.interval_steps = {flow.interval_steps} is more than the {longest} with which flow.split = "staggered" is estimated to be stable')
+                self._tell(f'flow.interval_steps = {flow.interval_steps} is more than what flow.split = "staggered" bears, {range_text(longest)}')
 
     def _snapshots(self, resume_step: int | None):
         count, steps = self.case.output.snapshots, self.case.loading_steps

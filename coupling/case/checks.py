@@ -148,14 +148,14 @@ def _fluid(run: RunCase) -> Iterator[Problem]:
             yield "fluid.compressibility_per_Pa", "must be above 0 in a sealed box; or hold a pressure at one of fluid.faces"
     if run.flow.two_way and run.flow.split == "staggered":
         # Deferred: the estimate needs numpy.
-        from coupling.case.staggered_limit import MARGIN, layers_of
+        from coupling.case.staggered_limit import MARGIN, layers_of, range_text
 
         longest = layers_of(run).longest_interval()
         if run.flow.interval_steps > MARGIN * longest:
             shorter = f"set {longest} or fewer, or " if longest else "set "
             yield (
                 "flow.interval_steps",
-                f'with flow.split = "staggered" this fluid throws the grains about unless solves are at most about {longest} steps apart: {shorter}'
+                f'with flow.split = "staggered" this fluid throws the grains about where solves are too far apart, from {range_text(longest)} on: {shorter}'
                 'flow.split = "undrained" or "predicted"',
             )
     if run.has_fault and fluid.faces:

@@ -17,7 +17,9 @@ K + 4 G / 3 of an even packing with Z contacts a grain (Walton 1987): K = Z (1 -
 
 Measured on 1177 grains (cases/consolidation, 1200 steps of a quarter of 0.63 sqrt(m / k_n)): a fluid 2.5 times as stiff as the skeleton, restitution 0.5,
 goes from stable to unstable between 10 and 12 steps (11 here), with restitution 0.9 between 8 and 10 (7 here); one of a quarter of the skeleton's stiffness,
-where the longest waves decide and grow slowly, between 60 and 90 (37 here).
+where the longest waves decide and grow slowly, between 60 and 90 (37 here). On 138 grains between fixed walls, ten times the stiffness of water, 10 Pa s: between 12
+and 16 (12 here); in fluids of water's stiffness to ten times that and 1 Pa s, with drainage, at four times what stands here there was nothing yet to see.
+A servo that holds a stress has a limit of its own: coupling/fluid/servo_checks.py.
 """
 
 from __future__ import annotations
@@ -36,6 +38,9 @@ COORDINATION = 6.0
 #: Permeability, m^2, at a porosity and a diameter, m: the paper's k0; elsewhere by Kozeny and Carman.
 PERMEABILITY, AT_POROSITY, AT_DIAMETER = 1.0e-9, 0.35, 2.0e-3
 WAVES = 40
+#: Intervals found to become unstable over the estimate: near 1 where the fluid is stiffer than the skeleton and short waves decide, more where long
+#: waves do, which grow slowly.
+FOUND = (1.0, 4.0)
 #: By how much the estimate may be short: longer intervals are refused, those in between are told of.
 MARGIN = 2
 #: Growth in an interval that counts as none.
@@ -89,6 +94,11 @@ class Layers:
             middle = (low + high) // 2
             low, high = (middle, high) if self.growth(middle) <= 1.0 + ROUNDING else (low, middle)
         return low
+
+
+def range_text(longest: int) -> str:
+    """The estimate with the range in which limits were found, for messages."""
+    return f"{longest} steps by estimate (limits found: {FOUND[0]:g} to {FOUND[1]:g} times that)"
 
 
 def layers_of(case: RunCase) -> Layers:

@@ -1,4 +1,4 @@
-"""Whether the engine's step and the servos bear the fluid between the grains: known once the pores are, before the first step."""
+"""Whether the engine's step bears the fluid between the grains: known once the pores are, before the first step."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from collections.abc import Callable
 import numpy as np
 from flowsolver.flow import Boundary, PoreFlow
 from flowsolver.network import PoreNetwork
-from flowsolver.two_way_limit import undrained_time_step, undrained_wall_stiffness
+from flowsolver.two_way_limit import undrained_time_step
 
-from coupling.case.schema import PACK, RunCase
-from coupling.engine.interface import WallState
+from coupling.case.schema import RunCase
 from coupling.errors import InputError
-from coupling.stages.deck_variables import SERVO_GAIN
 
 
-def check_undrained(case: RunCase, mass: np.ndarray, network: PoreNetwork, flow: PoreFlow, boundary: Boundary, walls: dict[str, WallState]) -> None:
-    """Raise InputError if steps in which no pore drains would be unstable; collective. mass: (n,) kg, of this rank's grains. walls: by fix id."""
+def check_undrained(case: RunCase, mass: np.ndarray, network: PoreNetwork, flow: PoreFlow, boundary: Boundary) -> None:
+    """Raise InputError if steps in which no pore drains would be unstable; collective. mass: (n,) kg, of this rank's grains."""
     contacts = case.stable_time_step_s(case.material.local_damping, case.material.friction > 0.0)
     # Local damping makes the fluid's forces that drive grains back larger too.
     fluid = undrained_time_step(network, flow, boundary, mass) / math.sqrt(1.0 + case.material.local_damping)
@@ -25,30 +23,14 @@ def check_undrained(case: RunCase, mass: np.ndarray, network: PoreNetwork, flow:
     step, given = case.time_step_s, case.fluid.compressibility_per_Pa
     if step > together:
         fraction = case.loading.time_step_fraction
-        other = f", a fluid.compressibility_per_Pa of {_two_digits(given * (step / fluid) ** 2 / (1.0 - (step / contacts) ** 2), math.ceil)} or more" if step < contacts else ""
+        other = f", a fluid.compressibility_per_Pa of {two_digits(given * (step / fluid) ** 2 / (1.0 - (step / contacts) ** 2), math.ceil)} or more" if step < contacts else ""
         raise InputError(
             f"loading.time_step_fraction = {fraction:g}: the step of {step:.3g} s is longer than grains bear whose pores cannot drain in it, {together:.3g} s "
-            f"(contacts alone {contacts:.3g} s, the fluid alone {fluid:.3g} s). Set {_two_digits(fraction * together / step, math.floor)}{other}, or "
+            f"(contacts alone {contacts:.3g} s, the fluid alone {fluid:.3g} s). Set {two_digits(fraction * together / step, math.floor)}{other}, or "
             'flow.split = "staggered" where the fluid drains within flow.interval_steps')
-    if case.scene != "sample":
-        # Blocks stand behind the servos of a fault, with the pressure given at their faces.
-        return
-    stiffness = undrained_wall_stiffness(network, flow, boundary)
-    for face, name in enumerate(PACK):
-        if case.sample.motion(name)[0] != "stress":
-            continue
-        skeleton = case.normal_stiffness_N_per_m * max(walls[name].contacts, 1)
-        # The servo moves by gain (target - force) / skeleton, and the force answers with skeleton + fluid: above 2 it overshoots ever more.
-        overshoot = SERVO_GAIN * (1.0 + stiffness[face] / skeleton)
-        if overshoot >= 2.0:
-            stiffest = skeleton * (2.0 / SERVO_GAIN - 1.0)
-            raise InputError(
-                f'sample.walls: {name} = "{case.sample.walls[name]}": the fluid behind this wall is {stiffness[face] / skeleton:.3g} times as stiff as the contacts '
-                f"at it, and a servo holds a stress up to {2.0 / SERVO_GAIN - 1.0:.3g} times. Drain the wall (fluid.faces), move it at a speed, or set a "
-                f"fluid.compressibility_per_Pa of {_two_digits(given * stiffness[face] / stiffest, math.ceil)} or more")
 
 
-def _two_digits(number: float, whole: Callable[[float], int]) -> str:
+def two_digits(number: float, whole: Callable[[float], int]) -> str:
     """Rounded up or down to two digits by `whole`, math.ceil or math.floor."""
     scale = 10.0 ** (math.floor(math.log10(number)) - 1)
     return f"{whole(number / scale) * scale:.2g}"

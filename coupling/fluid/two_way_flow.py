@@ -24,6 +24,7 @@ from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.fluid.exchange import Dry
 from coupling.fluid.held_pressure import HeldPressure
+from coupling.fluid.servo_checks import check_servos
 from coupling.fluid.two_way_checks import check_undrained
 from coupling.measures.pressure import around_grains
 from coupling.results.phases import Phases
@@ -110,7 +111,7 @@ class TwoWayFlow(Dry):
         """Begin an interval, in each of whose steps the engine calls the fluid, with the forces of the present pressures."""
         if self._coupling is None:
             held = self._held.boundary()
-            if self._split != "drained" and not self._saved:
+            if not self._saved:
                 self._refuse_unstable(held)
             self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
             self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
@@ -119,7 +120,9 @@ class TwoWayFlow(Dry):
         self._force, self._wall_force = self._coupling.forces()
 
     def _refuse_unstable(self, held: Boundary) -> None:
-        check_undrained(self._case, self._engine.atom("rmass"), self._network, self._flow, held, self._walls.states(self._engine))
+        if self._split != "drained":
+            check_undrained(self._case, self._engine.atom("rmass"), self._network, self._flow, held)
+        check_servos(self._case, self._network, self._flow, held, self._pressure, self._walls, self._walls.states(self._engine))
 
     def _exchange(self) -> None:
         """End the interval: the fluid flows, and the balance of its mass is drawn up."""

@@ -25,11 +25,14 @@ SETTLING_PLATE_OVERLAPS, LOADING_PLATE_OVERLAPS = 0.06, 0.6
 LARGEST_MOVE_DIAMETERS = 0.01
 #: Bonds may stretch to the strength this many standard deviations above the mean before the neighbour list loses them.
 STRETCH_DEVIATIONS = 6.0
+PLATES = tuple(f"z_{end}_{side}" for end in ("bottom", "top") for side in ("left", "right"))
 #: In the supplement's scene the grains this close to an x wall carry the shear stress, in mean diameters.
 GRIP_DIAMETERS = 2.0
 #: Servo of the walls of a sample: part of the gap in stress that a step closes, for the fluid behind the wall adds its stiffness to
 #: that of the contacts; and the largest strain rate, 1/s.
 SERVO_GAIN, SERVO_STRAIN_RATE = 0.3, 100.0
+#: Gain of the servos of a fault's plates, or of the supplement's x walls, while it is loaded.
+PLATE_GAIN = 0.8
 
 
 def common_variables(case: RunCase) -> dict[str, object]:
@@ -138,6 +141,14 @@ def bond_variables(case: RunCase, before) -> dict[str, object]:
     }
 
 
+def servo_gains(case: RunCase) -> dict[str, float]:
+    """Gain of each wall that holds a stress while the case is loaded, by fix id."""
+    if case.scene == "sample":
+        return {name: SERVO_GAIN for name in PACK if case.sample.motion(name)[0] == "stress"}
+    names = ("x_left", "x_right") if case.scene == "supplement" else PLATES
+    return dict.fromkeys(names, float(case.loading.deck_variables.get("servo_gain", PLATE_GAIN)))
+
+
 def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[str, object]:
     """For in.load, in.load_supplement and in.load_sample."""
     values = common_variables(case) | {
@@ -145,6 +156,8 @@ def load_variables(case: RunCase, restart: Path, fault: FaultGeometry) -> dict[s
         "local_damping": case.material.local_damping,
         "pore_force": case.flow.pore_force if case.needs_mesh else "none",
     }
+    if case.has_fault:
+        values["servo_gain"] = PLATE_GAIN
     if case.scene == "supplement":
         values |= _supplement_variables(case, fault) | {"normal_stress": case.supplement.normal_stress_Pa, "area_x": fault.x_wall_area}
     elif case.scene == "sample":

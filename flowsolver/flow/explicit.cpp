@@ -52,10 +52,13 @@ SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, dou
   const double steps = std::max(1.0, std::ceil(dt * rate / limit_share));
   std::string fault;
   if (!(steps <= static_cast<double>(most_substeps))) {
-    char text[240];
+    char text[320];
+    // Rounded down, for it to hold as it is printed.
+    const double longest = 0.995 * static_cast<double>(most_substeps) * limit_share / rate;
     std::snprintf(text, sizeof text,
-                  "explicit flow over %g s needs %.3g steps of at most %g s, more than the %lld allowed; use the implicit scheme",
-                  dt, steps, limit_share / rate, static_cast<long long>(most_substeps));
+                  "explicit flow over %g s needs %.3g steps of at most %g s, more than the %lld allowed; use the implicit scheme, or "
+                  "steps of at most %.3g s in all",
+                  dt, steps, limit_share / rate, static_cast<long long>(most_substeps), longest);
     fault = text;
   }
   agree_on_input(comm_, fault);

@@ -63,3 +63,47 @@ def test_a_servo_against_a_stiff_fluid(small, ranks):
     assert 'z_top = "stress 1.1e7": the fluid behind this wall is' in message
     compressibility = re.search(r"compressibility_per_Pa of ([\d.e-]+) or more", message)[1]
     assert ranks > 1 or small(f"fluid.compressibility_per_Pa={compressibility}").returncode == 0
+
+
+STAGGERED = ("fluid.compressibility_per_Pa=4.6e-11", "fluid.viscosity_Pa_s=10.0", "flow.split=staggered", "material.local_damping=0.2", "sample.loading_time_s=3e-5")
+
+
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+def test_a_servo_against_a_stiff_fluid_that_answers_at_solves_alone(small, tmp_path, ranks):
+    message = the_message(small(*STAGGERED, "flow.interval_steps=12", "output.history_interval_steps=12", ranks=ranks), 2)
+    assert 'flow.interval_steps = 12: with flow.split = "staggered" the fluid behind the wall of sample.walls: z_top = "stress 1.1e7"' in message
+    steps = int(re.search(r"Set (\d+) or fewer", message)[1])
+    if ranks > 1:
+        return
+    assert small(*STAGGERED, f"flow.interval_steps={steps}", f"output.history_interval_steps={steps}").returncode == 0
+    assert report(tmp_path)["energy_gain"] < 1e-6
+    # The other that it names; and what lets the pores drain within the interval.
+    assert 'or set flow.split = "undrained"' in message
+    assert small(*STAGGERED, "flow.split=undrained", "flow.interval_steps=12", "output.history_interval_steps=12").returncode == 0
+    assert small(*STAGGERED, "fluid.viscosity_Pa_s=1.0", "flow.interval_steps=40", "output.history_interval_steps=40").returncode == 0
+
+
+def test_waves_that_a_late_fluid_drives(small, tmp_path):
+    """Between fixed walls, where no servo is: the estimate's own number holds, with a pressure that jumps."""
+    fixed = ('sample.walls={ z_top = "fixed" }', "fluid.faces={ zmin = 1e6 }", *STAGGERED)
+    message = the_message(small(*fixed, "flow.interval_steps=100", "output.history_interval_steps=100"), 2)
+    assert "flow.interval_steps = 100" in message
+    steps = int(re.search(r"set (\d+) or fewer", message)[1])
+    assert small(*fixed, f"flow.interval_steps={steps}", f"output.history_interval_steps={2 * steps}").returncode == 0
+    assert report(tmp_path)["energy_gain"] < 1e-3
+    # Twice as many are accepted, told of beforehand, and caught in the run.
+    longer = small(*fixed, f"flow.interval_steps={2 * steps}", f"output.history_interval_steps={2 * steps}")
+    assert f"flow.interval_steps = {2 * steps} is more than what flow.split = \"staggered\" bears, {steps} steps by estimate" in longer.stdout
+    assert "the motion is unstable" in the_message(longer, 3)
+
+
+@pytest.mark.parametrize("inputs", [("loading.time_step_fraction=0.95",), ("loading.time_step_fraction=0.6", "material.restitution=0.01"),
+                                    ("loading.time_step_fraction=0.8", "material.local_damping=0.7")])  # fmt: skip
+def test_a_step_too_long_for_the_contacts(small, tmp_path, inputs):
+    dry = ("flow.kind=none", "sample.loading_time_s=4e-5", *inputs)
+    message = the_message(small(*dry), 2)
+    assert "is longer than the contacts bear" in message
+    fraction = re.search(r"set at most (\d\.\d+)", message)[1]
+    done = small(*dry, f"loading.time_step_fraction={fraction}")
+    assert done.returncode == 0, done.stderr
+    assert report(tmp_path)["energy_gain"] < 1e-6
