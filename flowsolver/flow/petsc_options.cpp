@@ -90,6 +90,8 @@ void use_options(const std::string& given) {
     check(PetscOptionsHasName(nullptr, nullptr, name, &set));
     if (!set) check(PetscOptionsSetValue(nullptr, name, value));
   }
+  // What is given anew counts as used if it was.
+  for (const std::string& name : names_in(given)) check(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
   check_options(PetscOptionsInsertString(nullptr, given.c_str()));
 }
 
