@@ -17,7 +17,7 @@ PACKING_STEPS = 15_000
 
 def plan(case_file: CaseFile, ranks: int) -> str:
     """Stages, steps, and the estimated time and memory of each run."""
-    lines = [f"{case_file.stem}: {len(case_file.runs)} runs on {ranks} rank{'s' if ranks > 1 else ''}", ""]
+    lines = [f"{case_file.stem}: {len(case_file.runs)} run{'s' if len(case_file.runs) != 1 else ''} on {ranks} rank{'s' if ranks > 1 else ''}", ""]
     packs: set[tuple] = set()
     total = 0.0
     for run in case_file.runs:

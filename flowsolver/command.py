@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flowsolver import command_files as files
 from flowsolver.flow import FACES, Boundary, FlowResult, PoreFlow
 from flowsolver.formula import Formula
-from flowsolver.grain_file import read_grains
+from flowsolver.grain_file import Grains, read_grains
 from flowsolver.network import InputError, PoreNetwork
 
 
@@ -24,17 +24,15 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     """Do what the command line asks for; the report. Collective."""
     start, spent_before = time.perf_counter(), time.process_time()
     _check(a)
-    ids, position, radius, box = _share_out(comm, a.pack)
-    box = np.array(a.box) if a.box is not None else box
-    if box is None:
-        raise InputError("the pack has no box of its own: give --box XLO XHI YLO YHI ZLO ZHI")
+    grains = read_grains(comm, a.pack)
+    box, periodic = _box(comm, a, grains)
     if a.dt is None and not (a.face or a.point or a.inflow or a.source or any(a.body_force)):
         raise InputError("nothing drives a steady flow: give a pressure (--face, --point), an inflow (--inflow, --source) or --body-force; or --dt")
     lower, upper = box[::2], box[1::2]
-    network = PoreNetwork(comm, lower, upper, [axis in a.periodic for axis in "xyz"])
+    network = PoreNetwork(comm, lower, upper, periodic)
     _check_points(a, lower, upper)
     clock = time.perf_counter()
-    network.update(ids, position, radius)
+    network.update(grains.id, grains.position, grains.radius)
     seconds = {"tessellate": time.perf_counter() - clock}
 
     clock = time.perf_counter()
@@ -57,10 +55,10 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
         "pores": counts["pores"],
         "throats": counts["throats"],
         "porosity": void / float((upper - lower).prod()),
-        "permeability": _permeability(a, upper - lower, flow, result),
+        "permeability": _permeability(a, network, flow, result),
         "outflow": result.outflow,
         "mass_residual": result.mass_residual,
-        "momentum_residual": _momentum_residual(comm, a, upper - lower, radius, force, wall_force),
+        "momentum_residual": _momentum_residual(comm, a, upper - lower, grains.radius, force, wall_force),
         "limited_pores": result.report["limited_pores"],
         "limited_throats": result.report["limited_throats"],
         "iterations": result.report["iterations"],
@@ -73,7 +71,7 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     _note(comm, counts["hidden_grains"], "grains lie inside others: they have no pore and feel no fluid")
     _note(comm, result.report["isolated_pores"], "pores are cut off from every given pressure: they keep the pressure of the start, in the mean")
     if a.forces:
-        files.write(comm, a.forces, files.forces_as_npz(wall_force[0]), ids, force)
+        files.write(comm, a.forces, files.forces_as_npz(wall_force[0]), grains.id, force)
     if a.vtu:
         files.write(comm, a.vtu, files.pressure_as_vtu, network.pore_centre[owned], pressure[owned])
     if a.history:
@@ -85,9 +83,14 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     return report
 
 
+def _tell(comm: MPI.Comm, text: str) -> None:
+    if comm.rank == 0:
+        print(f"poreflow: {text}", file=sys.stderr, flush=True)
+
+
 def _note(comm: MPI.Comm, count: int, text: str) -> None:
-    if count and comm.rank == 0:
-        print(f"poreflow: {count} {text}", file=sys.stderr, flush=True)
+    if count:
+        _tell(comm, f"{count} {text}")
 
 
 def _check(a: argparse.Namespace) -> None:
@@ -100,7 +103,7 @@ def _check(a: argparse.Namespace) -> None:
         raise InputError("explicit steps have no linear solver: leave out the options -flow_...")
     if a.steady and a.dt is not None:
         raise InputError("--steady and --dt exclude each other")
-    if set(a.periodic) - set("xyz"):
+    if set(a.periodic or "") - set("xyz"):
         raise InputError(f"--periodic is {a.periodic!r}: expected letters of xyz")
     for option, given in (("--face", a.face), ("--inflow", a.inflow)):
         names = [name for name, _ in given]
@@ -115,21 +118,23 @@ def _check_points(a: argparse.Namespace, lower: NDArray[np.float64], upper: NDAr
                 raise InputError(f"{option} {' '.join(f'{c:g}' for c in point)}: the point is outside the box")
 
 
-def _share_out(comm: MPI.Comm, path: Path) -> tuple[Any, Any, Any, Any]:
-    """Each rank's grains, in slabs of equal numbers along the pack's longest side; and the box of a dump."""
-    slabs, fault, box = None, "", None
-    if comm.rank == 0:
-        try:
-            grains = read_grains(path)
-            box = grains.box
-            axis = int(np.argmax(np.ptp(grains.position, axis=0)))
-            order = np.argsort(grains.position[:, axis], kind="stable")
-            slabs = [(grains.id[k], grains.position[k], grains.radius[k]) for k in np.array_split(order, comm.size)]
-        except InputError as error:
-            fault = str(error)
-    if fault := comm.bcast(fault):
-        raise InputError(fault)
-    return (*comm.scatter(slabs), comm.bcast(box))
+def _box(comm: MPI.Comm, a: argparse.Namespace, grains: Grains) -> tuple[NDArray[np.float64], list[bool]]:
+    """The box, (6,) m, and which directions are periodic: from the command line, else from the dump; where both tell and differ, a note."""
+    own = grains.boundary and "".join(axis for axis, letters in zip("xyz", grains.boundary) if letters == "pp")
+    periodic = own or "" if a.periodic is None else a.periodic
+    if own is not None and set(own) != set(periodic):
+        _tell(comm, f"{a.pack} is periodic in {own or 'no direction'} (BOX BOUNDS {' '.join(grains.boundary)}): taken is --periodic {periodic or 'of none'}")
+    if a.box is None:
+        if grains.box is None:
+            raise InputError("the pack has no box of its own: give --box XLO XHI YLO YHI ZLO ZHI")
+        if shrunk := "".join(axis for axis, letters in zip("xyz", grains.boundary or ()) if "s" in letters):
+            raise InputError(f"the box of {a.pack} is shrunk onto its grains in {shrunk} (BOX BOUNDS {' '.join(grains.boundary)}), so that walls are elsewhere: give --box")
+        box = grains.box
+    else:
+        box = np.array(a.box)
+        if grains.box is not None and not np.array_equal(box, grains.box):
+            _tell(comm, f"{a.pack} has a box of its own, {' '.join(f'{edge:.9g}' for edge in grains.box)} m: taken is --box")
+    return box, [axis in periodic for axis in "xyz"]
 
 
 def _at(value: Formula, time: float) -> Any:
@@ -207,16 +212,16 @@ def _momentum_residual(
     return float(unbalanced / scale) if scale > 0 and a.force_law == "total" else None
 
 
-def _permeability(a: argparse.Namespace, lengths: NDArray[np.float64], flow: PoreFlow, result: FlowResult) -> float | None:
+def _permeability(a: argparse.Namespace, network: PoreNetwork, flow: PoreFlow, result: FlowResult) -> float | None:
     """k along the driven axis, m^2: from the drop between two opposite faces over the box, or from a body force along a period."""
-    given = {face: value.number for face, value in a.face}
+    given, lengths = {face: value.number for face, value in a.face}, network.lengths
     for axis in range(3):
         low, high = (given.get(face) for face in FACES[2 * axis : 2 * axis + 2])
         if low is not None and high is not None and low != high:
             gradient = (low - high) / lengths[axis] + a.body_force[axis]
             through = 0.5 * (result.outflow[FACES[2 * axis + 1]] - result.outflow[FACES[2 * axis]]) * lengths[axis] / lengths.prod()
             return a.viscosity * through / gradient if gradient else None
-    driven = [axis for axis in range(3) if a.body_force[axis] and "xyz"[axis] in a.periodic]
+    driven = [axis for axis in range(3) if a.body_force[axis] and network.periodic[axis]]
     if len(driven) == 1:
         return float(a.viscosity * flow.darcy_velocity(result.pressure)[driven[0]] / a.body_force[driven[0]])
     return None

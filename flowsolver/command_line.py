@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
     p._negative_number_matcher = _NEGATIVE_NUMBER
     p.add_argument("pack", type=Path, help="text with x y z r on each line, or a LIGGGHTS or LAMMPS dump with id x y z radius")
     p.add_argument("--box", type=float, nargs=6, metavar=("XLO", "XHI", "YLO", "YHI", "ZLO", "ZHI"), help="m; a dump brings its own")
-    p.add_argument("--periodic", default="", metavar="AXES", help="periodic directions, such as xz; the others have walls")
+    p.add_argument("--periodic", metavar="AXES", help='periodic directions, such as xz; the others have walls; a dump brings its own, "" is none')
     p.add_argument("--face", type=_face, action="append", default=[], metavar="FACE=VALUE", help="pressure at a wall, Pa; the others are closed")
     p.add_argument("--inflow", type=_face, action="append", default=[], metavar="FACE=VALUE", help="Darcy velocity into the box through a wall, m/s")
     p.add_argument("--point", type=float, nargs=4, action="append", default=[], metavar=("X", "Y", "Z", "PA"), help="pressure of the pore nearest to a point")

@@ -113,7 +113,8 @@ class _Origin:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        # Some editors put a mark of UTF-8 in front.
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         near = sorted(str(other) for other in path.parent.glob("*.toml")) if path.parent.is_dir() else []
         raise InputError(f"there is no case file {path}{nearest(str(path), near)}. Give the path of a TOML file, such as cases/two_sides/quick.toml.") from None

@@ -161,7 +161,7 @@ def load_study(path: str | Path) -> Study:
 
 def _table(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         near = sorted(str(other) for other in path.parent.glob("*.toml")) if path.parent.is_dir() else []
         raise InputError(f"there is no study file {path}{nearest(str(path), near)}. Give the path of a TOML file, such as cases/studies/coupling_interval.toml.") from None

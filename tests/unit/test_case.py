@@ -29,6 +29,15 @@ def test_the_cases_of_a_fault_are_the_papers_five(name: str) -> None:
     assert [run.name for run in case_file.runs if not run.needs_mesh] == ["case5"]
 
 
+def test_a_file_of_a_windows_editor_reads_as_any_other(tmp_path: Path) -> None:
+    """With the mark of UTF-8 in front, and carriage returns."""
+    plain = load_case(written(tmp_path, "[pack]\nporosity = 0.4\n")).runs
+    marked = tmp_path / "marked" / "fault.toml"
+    marked.parent.mkdir()
+    marked.write_bytes(b"\xef\xbb\xbf" + (tmp_path / "fault.toml").read_bytes().replace(b"\n", b"\r\n"))
+    assert load_case(marked).runs == plain
+
+
 def test_defaults_are_table_I(tmp_path: Path) -> None:
     (run,) = load_case(written(tmp_path, "")).runs
     assert run.pack.box_m == (0.08, 0.02, 0.05)

@@ -11,9 +11,10 @@ from types import ModuleType
 import pytest
 
 from coupling import __version__
-from coupling.case.files import load_case
+from coupling.case.files import load_case, select_runs
 from coupling.command_line import main
 from coupling.errors import ComputationError
+from coupling.plan import plan
 
 CASE = 'scene = "two_sides"\npressure.left_target_Pa = 1e7\n[[run]]\nname = "case1"\n[[run]]\nname = "case2"\n'
 
@@ -44,6 +45,12 @@ def test_what_run_hands_to_the_driver(case: Path, driver: list[tuple], tmp_path:
     assert (case_file.runs[0].pack.seed, case_file.runs[0].pack.porosity) == (4, 0.4)
     assert case_file.runs[0].output.checkpoint_every_steps == 200
     assert (options.output_root, options.dry_run, options.restart) == (out, True, None)
+
+
+def test_a_plan_counts_its_runs(case: Path) -> None:
+    case_file = load_case(case)
+    assert plan(case_file, 2).startswith(f"fault: {len(case_file.runs)} runs on 2 ranks\n")
+    assert plan(select_runs(case_file, ["case2"]), 1).startswith("fault: 1 run on 1 rank\n")
 
 
 def test_results_go_to_out_by_default(case: Path, driver: list[tuple]) -> None:

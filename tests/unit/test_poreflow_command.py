@@ -118,6 +118,23 @@ def test_reads_a_dump(pack, tmp_path):
     assert report_of(tmp_path, dump, *DRIVEN)["permeability"] == pytest.approx(report_of(tmp_path, pack, *BOX, *DRIVEN)["permeability"], rel=1e-9)
 
 
+def test_a_dumps_own_box_and_periods(pack, tmp_path, capsys):
+    """They hold unless the command line says otherwise, which is told."""
+    spheres = np.loadtxt(pack)
+    dump = tmp_path / "dump.grains"
+    rows = "".join(f"{k} {x:.17g} {y:.17g} {z:.17g} {r:.17g}\n" for k, (x, y, z, r) in enumerate(spheres))
+    dump.write_text(f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1000\nITEM: BOX BOUNDS pp ff pp\n0 1\n0 1\n0 1\nITEM: ATOMS id x y z radius\n{rows}")
+    wrapped = report_of(tmp_path, pack, *BOX, *DRIVEN, "--periodic", "xz")["permeability"]
+    assert report_of(tmp_path, dump, *DRIVEN)["permeability"] == pytest.approx(wrapped, rel=1e-9)
+    assert report_of(tmp_path, dump, *DRIVEN, "--periodic", "zx", *BOX)["permeability"] == pytest.approx(wrapped, rel=1e-9)
+    assert capsys.readouterr().err == ""
+    walled = report_of(tmp_path, pack, *BOX, *DRIVEN)["permeability"]
+    assert report_of(tmp_path, dump, *DRIVEN, "--periodic", "")["permeability"] == pytest.approx(walled, rel=1e-9)
+    assert capsys.readouterr().err == f"poreflow: {dump} is periodic in xz (BOX BOUNDS pp ff pp): taken is --periodic of none\n"
+    report_of(tmp_path, dump, *DRIVEN, "--box", "0", "1", "0", "1.1", "0", "1")
+    assert capsys.readouterr().err == f"poreflow: {dump} has a box of its own, 0 1 0 1 0 1 m: taken is --box\n"
+
+
 def history_of(path: Path) -> dict[str, np.ndarray]:
     with open(path, newline="") as file:
         rows = list(csv.DictReader(file))
@@ -179,11 +196,11 @@ def test_petsc_takes_its_own_options(pack, tmp_path, capfd):
 REFUSED = {
     "no file": (["/no/such/pack", *BOX], "cannot read /no/such/pack"),
     "no box": (["PACK"], "give --box"),
-    "short lines": (["SHORT", *BOX], "expected four on each line"),
+    "short lines": (["SHORT", *BOX], "short, line 1: '1 2 3' .3 words.: expected four numbers"),
     "no grains": (["EMPTY", *BOX], "^poreflow: .*empty holds no grains"),
-    "words": (["WORDS", *BOX], "expected four numbers x y z r"),
-    "binary": (["BINARY", *BOX], "cannot read|expected four numbers"),
-    "cut dump": (["CUT"], "expected a dump|ends after"),
+    "words": (["WORDS", *BOX], "words, line 1: 'grain here there' .* expected four numbers on each line, x y z r"),
+    "binary": (["BINARY", *BOX], "cannot read .*binary: it is no text"),
+    "cut dump": (["CUT"], "cut ends after 1 of 2 grains"),
     "face": (["PACK", *BOX, "--face", "top=1"], "expected FACE=VALUE"),
     "face value": (["PACK", *BOX, "--face", "xmin=high"], "'high' is not a number"),
     "viscosity": (["PACK", *BOX, *DRIVEN[:4], "--viscosity", "0"], "viscosity is 0.0"),
@@ -218,18 +235,37 @@ REFUSED = {
     "without prefix": (["PACK", *BOX, *DRIVEN, "--petsc", "-ksp_type gmres"], "-ksp_type is no option .*did you mean -flow_ksp_type"),
     "petsc value": (["PACK", *BOX, *DRIVEN, "-flow_pc_type", "hyper"], "has a value that it does not take: .*hyper"),
     "petsc of no solve": (["PACK", *BOX, *DRIVEN, "--dt", "1e-13", "--explicit", "-flow_pc_type", "jacobi"], "explicit steps have no linear solver"),
+    "shrunk dump": (["SHRUNK"], "the box of .*shrunk is shrunk onto its grains in xz .BOX BOUNDS ss ff sf.* give --box"),
+    "tilted dump": (["TILTED"], "its box is tilted"),
+    "dump without radius": (["BARE"], "has no column radius: expected a dump custom with id x y z radius, has id x y z"),
+    "face of a dump's period": (["WRAPPED", *DRIVEN], "face 'ymin' is periodic"),
     "nowhere to write": (["PACK", *BOX, *DRIVEN, "--json", "/no/such/place/out.json"], "cannot write"),
+}
+
+
+# dumps of one grain: how many they say they hold, their box's letters, their columns
+DUMPS = {
+    "CUT": (2, "ff ff ff", "id x y z radius"),
+    "SHRUNK": (1, "ss ff sf", "id x y z radius"),
+    "TILTED": (1, "xy xz yz pp pp pp", "id x y z radius"),
+    "BARE": (1, "ff ff ff", "id x y z"),
+    "WRAPPED": (1, "ff pp ff", "id x y z radius"),
 }
 
 
 def refused_files(directory: Path, pack: Path) -> dict[str, Path]:
     """The packs that REFUSED names, written to a directory."""
-    files = {name: directory / name.lower() for name in ("SHORT", "WORDS", "BINARY", "CUT", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE", "EMPTY")}
+    files = {name: directory / name.lower() for name in (*DUMPS, "SHORT", "WORDS", "BINARY", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE", "EMPTY")}
     files["SHORT"].write_text("1 2 3\n")
     files["EMPTY"].write_text("")
     files["WORDS"].write_text("grain here there\n")
     files["BINARY"].write_bytes(bytes(range(256)))
-    files["CUT"].write_text("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\nITEM: ATOMS id x y z radius\n1 .5 .5 .5 .1\n")
+    for name, (count, bounds, columns) in DUMPS.items():
+        line = {"id": "1", "radius": ".1"}
+        grain = " ".join(line.get(column, ".5") for column in columns.split())
+        files[name].write_text(
+            f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{count}\nITEM: BOX BOUNDS {bounds}\n0 1\n0 1\n0 1\nITEM: ATOMS {columns}\n{grain}\n"
+        )
     sound = np.loadtxt(pack)
     for name, column, value in (("NAN", 1, np.nan), ("INFINITE", 0, np.inf), ("ZERO", 3, 0.0), ("NEGATIVE", 3, -0.01), ("TWICE", slice(0, 3), sound[400, :3])):
         spheres = sound.copy()
