@@ -123,6 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     stability.add_argument("--only", metavar="PATTERN", action="append", default=[], help="scenes of such names only, such as 'grains/limit/*'; may be repeated")
     stability.add_argument("--quick", action="store_true", help="some of the scenes, in half a minute")
     stability.add_argument("--list", action="store_true", help="print the scenes, and how each may end")
+    stability.add_argument("--ranks", metavar="N", type=_count, default=1, help="MPI ranks of each scene that can be spread over them (default: 1)")
     stability.add_argument("--jobs", metavar="N", type=_count, default=1, help="scenes at a time (default: 1)")
     stability.add_argument("--out", metavar="DIR", help="directory of the results (default: out/stability, in the current directory)")
     stability.set_defaults(action=_stability)
@@ -211,14 +212,14 @@ def _count(text: str) -> int:
 
 def _stability(chosen: argparse.Namespace) -> int:
     if _size() > 1 or "OMPI_COMM_WORLD_SIZE" in os.environ:
-        raise InputError("the stability map starts its processes itself: give `poreslip stability` without mpirun.")
+        raise InputError("the stability map starts its processes itself: give `poreslip stability --ranks N` without mpirun.")
     from coupling.stability import carry_out
 
     if chosen.list:
         for scene in carry_out.chosen(chosen.only, chosen.quick):
             print(f"{scene.name:40s} {' or '.join(scene.expected):20s} {scene.what}")
         return 0
-    return carry_out.stability(chosen.only, _output_root(chosen.out or "out/stability"), chosen.jobs, chosen.quick)
+    return carry_out.stability(chosen.only, _output_root(chosen.out or "out/stability"), chosen.jobs, chosen.quick, chosen.ranks)
 
 
 def _info(chosen: argparse.Namespace) -> int:

@@ -31,8 +31,6 @@ class Watch:
         self._case, self._engine, self._comm, self._walls, self._flow = case, engine, comm, walls, flow
         self._start: dict[str, float] | None = state["start"] if state else None
         self._fluid_work = state["fluid_work"] if state else 0.0
-        # The shear stress of the supplement does work through the grains that it grips, which is not counted.
-        self._balanced = case.scene != "supplement"
 
     @property
     def state(self) -> dict:
@@ -48,8 +46,6 @@ class Watch:
                 "mean nothing any more. Raise material.modulus_Pa or lower the stress; if the run was calm before, it is unstable: "
                 f"{self._advice()}")
         energy = self._energies(row)
-        if not self._balanced:
-            return {}
         if self._start is None:
             self._start = energy
         gain, size = self._gain(energy)
@@ -93,9 +89,21 @@ class Watch:
                 "too fast for the time step, or the stress is too high for the stiffness: lower the speed or loading.time_step_fraction")
         squeezed, fluid = self._comm.allreduce(np.array([0.5 * stiffness * squeezed, self._flow.work_on_grains]))
         held = row["kinetic_energy_J"] + row["contact_energy_J"] + float(squeezed)
-        return {"held": held, "walls": sum(one.work for one in state.values()), "fluid": float(fluid) + self._fluid_work}
+        walls = sum(one.work for one in state.values())
+        return {"held": held, "walls": walls, "grips": self._grip_work(), "fluid": float(fluid) + self._fluid_work}
+
+    def _grip_work(self) -> float:
+        """Work of the supplement's shear stress up to now, but for a constant, J: its grips share a force along z alike among their grains."""
+        if self._case.scene != "supplement":
+            return 0.0
+        engine = self._engine
+        height, mask = engine.unwrapped_position()[:, 2], engine.atom("mask")
+        grips = [mask & engine.group_bit(f"{side}_grip") != 0 for side in ("left", "right")]
+        left, left_count, right, right_count = self._comm.allreduce(np.array([part for grip in grips for part in (height[grip].sum(), grip.sum())], dtype=float))
+        force = self._case.supplement.shear_stress_Pa * self._walls.x_wall_area
+        return float(force * (right / right_count - left / left_count))
 
     def _gain(self, energy: dict[str, float]) -> tuple[float, float]:
         """Energy that no work accounts for, and what there was and was done, J."""
-        done = [energy[name] - self._start[name] for name in ("walls", "fluid")]
+        done = [energy[name] - self._start[name] for name in ("walls", "grips", "fluid")]
         return energy["held"] - self._start["held"] - sum(done), self._start["held"] + sum(abs(work) for work in done)

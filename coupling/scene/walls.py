@@ -49,6 +49,11 @@ class SceneWalls:
         self._plate_areas = plate_areas
         self._depth = self._upper[1] - self._lower[1]
 
+    @property
+    def x_wall_area(self) -> float:
+        """Of either x wall when loading began, m^2."""
+        return self._depth * (self._upper[2] - self._lower[2])
+
     def states(self, engine: Engine) -> dict[str, WallState]:
         """State of every wall by fix id."""
         return {name: engine.wall(name) for name in self.plates}

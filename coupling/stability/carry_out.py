@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -11,9 +12,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from coupling.errors import InputError
-from coupling.stability.program_run import in_time
+from coupling.results.output import write_atomically
+from coupling.stability.program_run import RANKS, in_time
 from coupling.stability.scene import FAILED, Outcome, Scene
 from coupling.stability.table import Line, write
+from coupling.study.runner import on_ranks
 
 #: A scene that takes longer hangs, s: they take seconds, of two cores that others use too.
 PATIENCE_S = 600.0
@@ -37,29 +40,30 @@ def chosen(patterns: list[str], quick: bool) -> list[Scene]:
     return [scene for scene in scenes if (not patterns or any(fnmatch(scene.name, p) for p in patterns)) and (scene.quick or not quick)]
 
 
-def stability(patterns: list[str], directory: Path, jobs: int, quick: bool) -> int:
-    """Carry out scenes, print a line of each, write the table; 0, or 3 if any ended in another way than it may."""
+def stability(patterns: list[str], directory: Path, jobs: int, quick: bool, ranks: int) -> int:
+    """Carry out scenes, print a line of each, write the table; 0, or 3 if any ended in another way than it may. ranks: of what can be spread."""
     scenes = chosen(patterns, quick)
     directory.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     lines: list[Line] = []
     with ThreadPoolExecutor(jobs) as pool:
-        for scene, (outcome, seconds) in zip(scenes, pool.map(lambda one: _apart(one, directory / "scenes" / one.name.replace("/", "-")), scenes)):
+        for scene, (outcome, seconds) in zip(scenes, pool.map(lambda one: _apart(one, directory / "scenes" / one.name.replace("/", "-"), ranks), scenes)):
             lines.append(Line(scene.name, scene.what, scene.expected, outcome, seconds))
             limit = f"; found {outcome.found:.3g}, predicted {outcome.predicted:.3g} {outcome.unit}" if outcome.found is not None else ""
             print(f"{'' if lines[-1].as_it_may else 'NOT AS IT MAY: '}{scene.name}  {outcome.ended}{limit}  {outcome.figure[:150]}", flush=True)
-    write(lines, directory)
+    write(lines, directory, ranks)
     wrong = [line.name for line in lines if not line.as_it_may]
     print(f"{len(lines)} scenes in {time.perf_counter() - started:.0f} s, {len(wrong)} not as they may end; {directory}/stability.md")
     return 3 if wrong else 0
 
 
-def _apart(scene: Scene, directory: Path) -> tuple[Outcome, float]:
-    """Carry out one scene in a process of its own; its wall seconds."""
+def _apart(scene: Scene, directory: Path, ranks: int) -> tuple[Outcome, float]:
+    """Carry out one scene in a process of its own, or several; its wall seconds."""
     started = time.perf_counter()
     directory.mkdir(parents=True, exist_ok=True)
     (directory / OUTCOME).unlink(missing_ok=True)
-    status, said = in_time([sys.executable, "-m", "coupling.stability", scene.name, str(directory)], PATIENCE_S)
+    launch = on_ranks(ranks) if scene.spread else []
+    status, said = in_time([*launch, sys.executable, "-m", "coupling.stability", scene.name, str(directory)], PATIENCE_S, {RANKS: str(ranks)})
     seconds = time.perf_counter() - started
     try:
         return Outcome(**json.loads((directory / OUTCOME).read_text())), seconds
@@ -69,6 +73,8 @@ def _apart(scene: Scene, directory: Path) -> tuple[Outcome, float]:
 
 
 def one(name: str, directory: Path) -> None:
-    """Carry out the scene of this name here, and leave its outcome in the directory."""
+    """Carry out the scene of this name here, on all ranks of this process, and leave its outcome in the directory."""
     scene = next(scene for scene in all_scenes() if scene.name == name)
-    (directory / OUTCOME).write_text(json.dumps(asdict(scene.act(directory))))
+    outcome = scene.act(directory)
+    if int(os.environ.get("OMPI_COMM_WORLD_RANK", "0")) == 0:
+        write_atomically(directory / OUTCOME, json.dumps(asdict(outcome)))

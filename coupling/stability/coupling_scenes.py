@@ -9,9 +9,9 @@ import numpy as np
 
 from coupling.case.schema import RunCase
 from coupling.case.staggered_limit import layers_of
-from coupling.errors import ComputationError
+from coupling.errors import ComputationError, InputError
 from coupling.stability.grain_limits import GROWN, PERTURBED, AtRest
-from coupling.stability.grain_scenes import FAULT
+from coupling.stability.grain_scenes import FAULT, sheared
 from coupling.stability.program_run import Ran, judged, run
 from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome, Scene, bisected, limit
 from coupling.stages import prepared
@@ -34,6 +34,27 @@ output.history_interval_steps = 40
 """
 WATER = 4.6e-10
 FIXED = 'sample.walls={ z_top = "fixed" }'
+#: A fluid ten times as stiff as water, which answers at solves alone.
+STIFF_LATE = (f"fluid.compressibility_per_Pa={WATER / 10}", 'flow.split="staggered"')
+#: An upright fault of some hundred grains, periodic along it.
+UPRIGHT = """\
+scene = "supplement"
+pack.box_m = [0.022, 0.007, 0.012]
+fault.gouge_width_m = 0.005
+fault.dip_degrees = 90.0
+fault.end_band_m = 0.0
+material.local_damping = 0.2
+pressure.mode = "none"
+output.history_interval_steps = 20
+supplement.shear_stress_Pa = 1.2e7
+supplement.ramp_time_s = 2e-5
+supplement.hold_time_s = 4e-5
+"""
+
+
+def intervals(steps: int) -> tuple[str, str]:
+    """`--set` values: steps between solves, and lines of the history that fall on them."""
+    return f"flow.interval_steps={steps}", f"output.history_interval_steps={steps * max(1, 20 // steps)}"
 
 
 def borne(ran: Ran) -> tuple[bool, str]:
@@ -124,8 +145,6 @@ def undrained_limit(compressibility: float):
     """Act: the longest stable step of grains whose pores do not drain, against what is refused."""
 
     def act(directory: Path) -> Outcome:
-        from coupling.errors import InputError
-
         pack = _at_rest(directory, f"fluid.compressibility_per_Pa={compressibility}", "material.local_damping=0.0")
         # What the program names when it is asked for the longest step that contacts alone bear.
         refused = run(directory / "asked", WET, f"fluid.compressibility_per_Pa={compressibility}", FIXED, "material.local_damping=0.0", "loading.time_step_fraction=0.81")
@@ -161,6 +180,47 @@ def staggered_limit(directory: Path) -> Outcome:
     return Outcome(STABLE if sound else FAILED, "a small motion that grows within 2000 steps; the program refuses twice the predicted interval", found, predicted, "steps")
 
 
+def servo_limit(directory: Path) -> Outcome:
+    """Runs whose wall holds a stress, against the interval that the refusal of a longer one names."""
+    base = (*STIFF_LATE, "sample.loading_time_s=6e-5")
+    refused = run(directory / "asked", WET, *base, *intervals(12))
+    if refused.status != InputError.exit_status or "answers its servo only at the solves" not in refused.said:
+        return Outcome(FAILED, f"not refused: {refused.said[-200:]}")
+    predicted, found = int(refused.said.split("Set ")[1].split(" or fewer")[0]), 0
+    for steps in range(1, 13):
+        ran = run(directory / str(steps), WET, *base, *intervals(steps), unrefused=True)
+        if judged(ran, borne).ended != STABLE:
+            break
+        found = steps
+    sound = predicted <= found <= 2 * predicted
+    return Outcome(STABLE if sound else FAILED, "runs past what is refused, 1200 steps of the engine", found, predicted, "steps")
+
+
+def named_step(directory: Path) -> Outcome:
+    """The time step that a refusal names, with its interval."""
+    base = (f"fluid.compressibility_per_Pa={WATER / 100}", 'flow.split="predicted"', *intervals(50), FIXED, "fluid.faces={ zmin = 1e6 }")
+    refused = run(directory / "asked", WET, *base, "loading.time_step_fraction=0.7")
+    if refused.status != InputError.exit_status or "cannot drain in it" not in refused.said:
+        return Outcome(FAILED, f"not refused: {refused.said[-200:]}")
+    fraction = refused.said.split("Set ")[1].split(",")[0]
+    outcome = judged(run(directory, WET, *base, f"loading.time_step_fraction={fraction}"), pressed)
+    return dataclasses.replace(outcome, figure=f"loading.time_step_fraction = {fraction}: {outcome.figure}")
+
+
+def slipped(ran: Ran) -> tuple[bool, str]:
+    """Of an upright fault: walls hold their stress while it shears."""
+    stress, gain = ran.history["sigma_h_left_Pa"][-1], ran.figures["energy_gain"]
+    slip = ran.history["slip_left_m"][-1]
+    return abs(stress / 4e7 - 1.0) < 0.1, f"x wall bears {stress / 4e7:.3f} of its load, slip {1e6 * slip:.2g} um, energy gain {gain:.1e}"
+
+
+def flowing(case: str, figure, split: str, factor: float, decks: dict[str, str] | None = None):
+    """Act: a fault with pressure on its left and a flow that is solved two-way; factor: times water's compressibility."""
+    wet = case.replace('pressure.mode = "none"', 'pressure.left_target_Pa = 1e7\nflow.kind = "solve"\nflow.interval_steps = 10')
+    settings = (f'flow.split="{split}"', f"fluid.compressibility_per_Pa={factor * WATER}")
+    return lambda directory: judged(run(directory, wet, *settings, decks=decks), figure)
+
+
 def lifted(ran: Ran) -> tuple[bool, str]:
     """Of a fault whose pressure exceeds the vertical stress: the plates part, and the run says so."""
     opened = ran.history["vertical_strain"][-1]
@@ -191,15 +251,27 @@ def scenes() -> list[Scene]:
                     wet(f"fluid.compressibility_per_Pa={WATER / 10}", f"flow.interval_steps={n}", f"output.history_interval_steps={max(n, 20)}"), quick=n == 200)
               for n in (1, 10, 50, 200)]  # fmt: skip
     found.append(Scene("coupling/staggered/limit", "longest stable interval, staggered split", (STABLE,), staggered_limit))
-    for share, expected in ((0.1, (STABLE,)), (1.0, (STABLE, STOPPED)), (2.0, (STABLE, STOPPED, REFUSED)), (8.0, (REFUSED,))):
+    for share, expected in ((0.1, (STABLE,)), (1.0, (STABLE,)), (2.0, (STABLE, STOPPED)), (8.0, (REFUSED,))):
         def act(directory: Path, share: float = share) -> Outcome:
-            base = (f"fluid.compressibility_per_Pa={WATER / 10}", 'flow.split="staggered"')
-            predicted = layers_of(case_of(directory, *base, "flow.interval_steps=1", "output.history_interval_steps=40")).longest_interval()
+            predicted = layers_of(case_of(directory, *STIFF_LATE, *intervals(1))).longest_interval()
             steps = max(1, round(share * predicted))
-            outcome = judged(run(directory, WET, *base, f"flow.interval_steps={steps}", f"output.history_interval_steps={steps * max(1, 20 // steps)}"), borne)
+            outcome = judged(run(directory, WET, *STIFF_LATE, *intervals(steps), FIXED, "fluid.faces={ zmin = 1e6 }"), pressed)
             return dataclasses.replace(outcome, figure=f"{steps} steps; {outcome.figure}")
 
-        found.append(Scene(f"coupling/staggered/interval/{share:g}", f"staggered split at {share:g} of the predicted interval", expected, act, quick=share == 8))
+        what = f"staggered split at {share:g} of the predicted interval, fixed walls, 1e6 Pa at a face at once"
+        found.append(Scene(f"coupling/staggered/interval/{share:g}", what, expected, act, quick=share == 8))
+    found.append(Scene("coupling/staggered/servo", "longest stable interval, staggered split, behind a wall that holds a stress", (STABLE,), servo_limit))
+    found += [Scene(f"coupling/predicted/interval/{n}", f"predicted split, {n} steps between solves", (STABLE,),
+                    wet(f"fluid.compressibility_per_Pa={WATER / 10}", 'flow.split="predicted"', *intervals(n)))
+              for n in (1, 10, 50, 200)]  # fmt: skip
+    found.append(Scene("coupling/predicted/step", "predicted split at the step that the refusal of a longer one names, 50 steps between solves", (STABLE,), named_step))
+    for split in ("undrained", "predicted", "staggered"):
+        for factor, expected in ((1.0, STABLE), (1e-3, REFUSED if split != "staggered" else STABLE)):
+            what = f"fault with flow between its blocks, {split} split, {factor:g} times water's compressibility"
+            found.append(Scene(f"coupling/fault/{split}/{factor:g}", what, (expected,), flowing(FAULT, sheared, split, factor)))
+    found.append(Scene("coupling/supplement", "upright fault under shear stress, undrained split", (STABLE,), flowing(UPRIGHT, slipped, "undrained", 1.0)))
+    found.append(Scene("coupling/supplement/step_of_deck", "the same with a step of twice the limit, set in a deck", (STOPPED,),
+                       flowing(UPRIGHT, slipped, "staggered", 1.0, {"in.load_supplement": "timestep 2.1e-7"})))
     found += [
         Scene("coupling/jump", "1e8 Pa at a face at once, pack under 1e7 Pa between fixed walls", (STABLE, STOPPED), wet("fluid.faces={ zmin = 1e8 }", FIXED, figure=pressed)),
         Scene("coupling/jump_servo", "1e8 Pa below a wall that holds 1.1e7 Pa", (STABLE, STOPPED), wet("fluid.faces={ zmin = 1e8 }", figure=pressed)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import math
 import os
@@ -16,9 +17,12 @@ from pathlib import Path
 
 from coupling.native import REPOSITORY
 from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, WARNED, Outcome
+from coupling.study.runner import on_ranks
 
 #: A run that takes longer hangs, s: the scenes take seconds.
 PATIENCE_S = 240.0
+#: Ranks on which a scene's process makes its runs, for that process.
+RANKS = "PORESLIP_STABILITY_RANKS"
 #: Figures of a report that must stay below these in a sound run, whatever the scene.
 SOUND = {"energy_gain": 1e-3, "momentum_residual": 1e-10, "mass_residual": 1e-8, "work_residual": 1e-10}
 
@@ -30,6 +34,7 @@ class Ran:
     status: int | None
     said: str
     directory: Path
+    ranks: int = 1
 
     @property
     def history(self) -> dict[str, list[float]]:
@@ -46,8 +51,9 @@ class Ran:
         return self.report["quasi_static_checks"]
 
 
-def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None = None) -> Ran:
-    """Run a case (TOML, with one run) with `--set` values. decks: lines to add to decks, by name, for what the checks of a case would refuse."""
+def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None = None, unrefused: bool = False) -> Ran:
+    """Run a case (TOML, with one run) with `--set` values. decks: lines to add to decks, by name, for what the checks of a case would refuse.
+    unrefused: past the limits that are known beforehand, to find out where they are."""
     directory.mkdir(parents=True, exist_ok=True)
     if decks:
         copy = directory / "decks"
@@ -56,17 +62,19 @@ def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None
             (copy / name).write_text((REPOSITORY / "liggghts-inputs" / name).read_text() + lines + "\n")
         case = 'decks_directory = "decks"\n' + case
     (directory / "case.toml").write_text(case)
-    command = [sys.executable, "-m", "coupling", "run", str(directory / "case.toml"), "--out", str(directory)]
+    ranks = int(os.environ.get(RANKS, "1"))
+    module = "coupling.stability.unrefused" if unrefused else "coupling"
+    command = [*on_ranks(ranks), sys.executable, "-m", module, "run", str(directory / "case.toml"), "--out", str(directory)]
     command += [part for setting in settings for part in ("--set", setting)]
-    done = in_time(command, PATIENCE_S)
-    return Ran(done[0], " ".join(done[1].split()), directory / "case" / "run")
+    status, said = in_time(command, PATIENCE_S)
+    return Ran(status, " ".join(said.split("\n-----")[0].split()), directory / "case" / "run", ranks)
 
 
-def in_time(command: list[str], patience_s: float) -> tuple[int | None, str]:
-    """Exit status, None if the command had to be ended, and what it wrote to stderr."""
+def in_time(command: list[str], patience_s: float, extra: dict[str, str] | None = None) -> tuple[int | None, str]:
+    """Exit status, None if the command had to be ended, and what it wrote to stderr. extra: variables of its environment."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]), "OMP_NUM_THREADS": "1"}
     # What the MPI of this process left there would make the other take itself for a part of it.
-    environment = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_", "ORTE_", "PMI_"))}
+    environment = {name: value for name, value in environment.items() if not name.startswith(("OMPI_COMM", "PMIX_", "ORTE_", "PMI_"))} | (extra or {})
     process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         _, errors = process.communicate(timeout=patience_s)
@@ -81,7 +89,11 @@ def in_time(command: list[str], patience_s: float) -> tuple[int | None, str]:
 
 def judged(ran: Ran, figure: Callable[[Ran], tuple[bool, str]]) -> Outcome:
     """How a run ended; `figure` tells of one that came to its end whether it is sound, and by what."""
-    if ran.status in (2, 3) and "Traceback" not in ran.said and "poreslip: " in ran.said:
+    return dataclasses.replace(_ended(ran, figure), ranks=ran.ranks)
+
+
+def _ended(ran: Ran, figure: Callable[[Ran], tuple[bool, str]]) -> Outcome:
+    if ran.status in (2, 3) and "Traceback" not in ran.said and ran.said.count("poreslip: ") == 1:
         return Outcome(REFUSED if ran.status == 2 else STOPPED, ran.said.split("poreslip: ", 1)[1])
     if ran.status != 0:
         how = "hung" if ran.status is None else f"signal {-ran.status}" if ran.status < 0 else f"exit status {ran.status}"

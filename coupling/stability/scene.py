@@ -13,24 +13,28 @@ STABLE, REFUSED, STOPPED, WARNED, FAILED = "stable", "refused", "stopped", "warn
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a scene. figure: that which says so, in words. found, predicted: a limit, where the scene has one, in `unit`."""
+    """What came of a scene. figure: that which says so, in words. found, predicted: a limit, where the scene has one, in `unit`. ranks: that it was
+    carried out on."""
 
     ended: str
     figure: str
     found: float | None = None
     predicted: float | None = None
     unit: str = ""
+    ranks: int = 1
 
 
 @dataclass(frozen=True)
 class Scene:
-    """name: part of the program and setting, as in "grains/step/1.2/0.9". expected: how it may end. quick: a second or two."""
+    """name: part of the program and setting, as in "grains/step/1.2/0.9". expected: how it may end. quick: a second or two. spread: its act itself is
+    carried out by several ranks where asked for; runs of the program always are, and what looks at whole packs or matrices never is."""
 
     name: str
     what: str
     expected: tuple[str, ...]
     act: Callable[[Path], Outcome]
     quick: bool = False
+    spread: bool = False
 
 
 def limit(found: float, predicted: float, unit: str, figure: str, within: float) -> Outcome:

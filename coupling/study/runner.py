@@ -24,6 +24,14 @@ PATIENCE_S = 30.0
 MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1")
 
 
+def on_ranks(ranks: int) -> list[str]:
+    """What begins a command on so many ranks."""
+    if ranks == 1:
+        return []
+    # Who runs poreslip as root has decided so.
+    return [*MPIRUN, *(["--allow-run-as-root"] if os.geteuid() == 0 else []), "-n", str(ranks)]
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How a run ended. status: of its process, None where it was refused beforehand or took too long. reason: empty when it was done.
@@ -91,13 +99,12 @@ class Runner:
         return outcome
 
     def _measured(self, job: Job, directory: Path) -> Outcome:
-        launch = [] if job.ranks == 1 else [*MPIRUN, "-n", str(job.ranks)]
         paths = [str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
         start, late = time.monotonic(), False
         with open(directory / "screen.txt", "w") as screen, open(directory / "errors.txt", "w") as errors:
             # A session of its own: Ctrl-C reaches this process alone, which then ends the other.
-            process = subprocess.Popen([*launch, sys.executable, *job.arguments], cwd=directory, env=environment, stdin=subprocess.DEVNULL,
+            process = subprocess.Popen([*on_ranks(job.ranks), sys.executable, *job.arguments], cwd=directory, env=environment, stdin=subprocess.DEVNULL,
                                        stdout=screen, stderr=errors, start_new_session=True)  # fmt: skip
             try:
                 usage, code = self._wait(process, start)

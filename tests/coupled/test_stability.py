@@ -41,6 +41,21 @@ def test_some_scenes(poreslip, stage_cache, tmp_path):
     assert float(step["limit_predicted"]) < float(step["limit_found"]) < 1.25 * float(step["limit_predicted"])
 
 
+@pytest.mark.parallel
+def test_several_ranks_come_to_the_same_verdicts(poreslip, stage_cache, tmp_path):
+    """A network in the scene's own process, a run that is refused and one that is stopped; what looks at whole matrices stays on one rank."""
+    names = ("flow/lattice/sc", "grains/step/1.2/0.9", "grains/step_of_deck/1.2", "flow/explicit/1")
+    verdicts = {}
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        only = [part for name in names for part in ("--only", name)]
+        done = poreslip("stability", *only, "--ranks", str(ranks), "--out", out, env={"PORESLIP_CACHE": str(stage_cache)}, timeout=400)
+        verdicts[ranks] = assert_as_it_may(done, out)
+    assert {name: line["ended"] for name, line in verdicts[1].items()} == {name: line["ended"] for name, line in verdicts[2].items()}
+    assert [verdicts[2][name]["ranks"] for name in names] == ["2", "2", "2", "1"]
+    assert "3 of them on 2 ranks" in (tmp_path / "2" / "stability.md").read_text()
+
+
 @pytest.mark.slow
 def test_all_scenes(poreslip, stage_cache, tmp_path):
     done = poreslip("stability", "--out", tmp_path / "map", env={"PORESLIP_CACHE": str(stage_cache)}, timeout=3600)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from processes import the_message
 from tiny_fault import history
 
 SEVERAL = pytest.param(2, marks=pytest.mark.parallel)
@@ -38,3 +39,21 @@ def test_a_sound_run_gains_no_energy(run_fault, run):
     assert 0.0 <= gain < 1e-3
     energy = history(directory)["contact_energy_J"]
     assert (energy > 0.0).all() and energy[-1] != energy[0]
+
+
+#: No friction that slides, no damping, no bond that breaks: nothing is lost.
+ELASTIC = ("material.restitution=1.0", "material.local_damping=0.0", "material.friction=10.0", "bonds.strength_mean_Pa=1e12", "loading.time_step_fraction=0.2")
+
+
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+def test_the_work_of_the_supplements_shear_stress_counts(run_fault, upright_case, ranks):
+    """Without it an elastic pack would seem to gain 6e-8 of its energy."""
+    directory = run_fault(*ELASTIC, case=upright_case, run="dry", ranks=ranks)
+    assert json.loads((directory / "report.json").read_text())["quasi_static_checks"]["energy_gain"] < 1e-10
+
+
+def test_an_unsound_supplement_ends(poreslip, stage_cache, upright_case, own_decks, tmp_path):
+    deck = own_decks / "in.load_supplement"
+    deck.write_text(deck.read_text() + "timestep 2.1e-7\n")
+    command = ["run", upright_case, "--only", "dry", "--out", tmp_path / "out", "--set", f"decks_directory={own_decks}"]
+    assert "than they had and than walls and fluid gave them" in the_message(poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)}), 3)
