@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import difflib
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ TOLERANCE = 1e-10
 """Default relative tolerance of the linear solver: the balance of mass closes as well as this."""
 LIMIT_SHARE = 0.9
 """Explicit steps take this share of their stability limit."""
+STAGE = 1.0 - 0.5 * math.sqrt(2.0)
+"""Length of each of the two stages of a step of second order, as a share of it: L-stable (Alexander 1977, SIAM J. Numer. Anal. 14, 1006)."""
 MOST_SUBSTEPS = 1_000_000
 PETSC_PREFIX = "flow_"
 """What the names of the linear solver's options begin with, after their dash."""
@@ -69,24 +72,31 @@ class FlowResult:
     pressure : (m,) float64, Pa, of all pores that this rank sees
     outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together, "inside" for
         the pores with a pressure given inside
-    mass_residual : inflow - outflow - storage - volume rate of all free pores, as a share of the throughput: of what given pressures, sources,
-        volume rates and storage bring in and take out. Where that is below what the tolerance leaves open nothing flows, and it is a share of
-        what pressures and body force would drive through all throats one by one. None for `explicit`
+    mass_residual : inflow - outflow - storage - volume rate of all free pores together, as a share of the throughput: of what given pressures,
+        sources, volume rates and storage bring in and take out. Where that is below what the tolerance leaves open nothing flows, and it is a
+        share of what pressures and body force would drive through all throats one by one. None for `explicit`
+    pore_residual : the same of each pore, the sum of the sizes: what the linear solver's tolerance leaves; None for `explicit`
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
-        substeps, and this rank's seconds {assemble, setup, solve}
+        imbalance (m^3/s, of all free pores together, that one shift of their pressures has closed), substeps, and this rank's seconds {assemble,
+        setup, solve}; of a step in two stages iterations and seconds are of both
+    rate : (m,) float64, Pa/s: dp/dt at the end of an implicit step; None of the others
     """
 
     pressure: NDArray[np.float64]
     outflow: dict[str, float]
     mass_residual: float | None
     report: dict[str, Any]
+    rate: NDArray[np.float64] | None = None
+    pore_residual: float | None = None
 
 
 def _together(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
     """The report of two solves of one system."""
     seconds = {phase: first["seconds"][phase] + value for phase, value in second["seconds"].items()}
-    kept = first["preconditioner_kept"]
-    return second | {"iterations": first["iterations"] + second["iterations"], "preconditioner_kept": kept, "seconds": seconds}
+    return second | {
+        "iterations": first["iterations"] + second["iterations"], "residual": max(first["residual"], second["residual"]),
+        "preconditioner_kept": first["preconditioner_kept"] and second["preconditioner_kept"], "seconds": seconds,
+    }  # fmt: skip
 
 
 class PoreFlow:
@@ -175,15 +185,51 @@ class PoreFlow:
     ) -> FlowResult:
         """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean
         over the pores is kept."""
-        return self._solve(boundary, pressure, volume_rate, 0.0, tolerance)
+        fixed, owner, given, _, source, rate = self._conditions(boundary, pressure, volume_rate, tolerance)
+        conditions = (fixed, owner, source, rate)
+        after, report = self._solve(conditions, given, 0.0, tolerance)
+        missing, throughput = report["imbalance"], self._balance(conditions, after, None)[3]
+        if missing > tolerance * throughput:
+            driven, rounding = self._driven(after, None)
+            if throughput > tolerance * driven + rounding:
+                # Beside throats that conduct far more than others, the linear solver's residual is mostly theirs: once more, as much closer.
+                closer = max(0.03 * tolerance * tolerance * throughput / missing, ROUNDING)
+                after, again = self._solve(conditions, after, 0.0, closer)
+                report = _together(report, again)
+        return self._result(boundary, conditions, after, after, None, report, tolerance)
 
     def implicit(
-        self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
+        self,
+        boundary: Boundary,
+        pressure: ArrayLike,
+        dt: float,
+        volume_rate: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+        order: Literal[1, 2] = 1,
     ) -> FlowResult:
-        """One step of backward Euler (10)-(13) over `dt` (s) from `pressure` (m,) Pa. volume_rate (m,), m^3/s: dV/dt of the pores
-        (`PoreNetwork.volume_rate`)."""
-        self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
-        return self._solve(boundary, pressure, volume_rate, float(dt), tolerance)
+        """One step over `dt` (s) from `pressure` (m,) Pa. volume_rate (m,), m^3/s: dV/dt of the pores (`PoreNetwork.volume_rate`).
+
+        order
+            1: backward Euler (10)-(13). 2: in two stages of backward Euler, each STAGE of the step long, which damp what drains at once as well.
+            In both the boundary gives what it does at the step's end.
+        """
+        faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
+        if order not in (1, 2):
+            faults.append(f"order is {order!r}: expected 1 or 2")
+        self.network.agree(faults)
+        fixed, owner, given, before, source, rate = self._conditions(boundary, pressure, volume_rate, tolerance)
+        conditions = (fixed, owner, source, rate)
+        if order == 1:
+            after, report = self._solve(conditions, given, dt, tolerance)
+            change = (after - before) / dt
+            return self._result(boundary, conditions, after, after, change, report, tolerance, change)
+        stage = STAGE * dt
+        midway, first = self._solve(conditions, given, stage, tolerance)
+        from_first = before + (1.0 / STAGE - 1.0) * (midway - before)
+        after, report = self._solve(conditions, np.where(fixed, given, from_first), stage, tolerance)
+        flowing = midway + STAGE * (after - midway)
+        report = _together(first, report)
+        return self._result(boundary, conditions, after, flowing, (after - before) / dt, report, tolerance, (after - from_first) / stage)
 
     def explicit(
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
@@ -212,24 +258,23 @@ class PoreFlow:
         self.network.comm.Allreduce(MPI.IN_PLACE, moved)
         return moved / self.network.lengths.prod()
 
-    def _solve(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None, dt: float, tolerance: float) -> FlowResult:
-        self.network.agree([] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"])
-        fixed, owner, start, before, source, rate = self._conditions(boundary, pressure, volume_rate)
-        after, report = self._native.solve(fixed, start, source, rate, dt, tolerance)
+    def _solve(self, conditions: tuple, pressure: NDArray[np.float64], dt: float, tolerance: float) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """One system, with what is given in the place of the pressures before; steady for dt = 0. The pressures, (m,) Pa, and a report."""
+        fixed, _, source, volume_rate = conditions
+        after, report = self._native.solve(fixed, pressure, source, volume_rate, dt, tolerance)
         if self._unchecked_options and report["unknowns"]:
             self._check_options()
-        supply, missing, throughput = self._balance(fixed, after, before, source, rate, dt)
+        return after, report
+
+    def _result(self, boundary: Boundary, conditions: tuple, after: NDArray, flowing: NDArray, change: NDArray | None, report: dict[str, Any],
+                tolerance: float, rate: NDArray | None = None) -> FlowResult:  # fmt: skip
+        """A solve's result. after, flowing: (m,) Pa, at the end and those that the fluid flowed by; change: (m,) Pa/s, over the step, None: steady."""
+        supply, missing, of_each, throughput = self._balance(conditions, flowing, change)
         if missing > tolerance * throughput:
-            driven, rounding = self._driven(after, dt)
-            if throughput <= tolerance * driven + rounding:
-                throughput = driven + rounding
-            else:
-                # Beside throats that conduct far more than others, the linear solver's residual is mostly theirs: once more, as much closer.
-                closer = max(0.03 * tolerance * tolerance * throughput / missing, ROUNDING)
-                after, again = self._native.solve(fixed, start if dt > 0 else after, source, rate, dt, closer)
-                report = _together(report, again)
-                supply, missing, throughput = self._balance(fixed, after, before, source, rate, dt)
-        return FlowResult(after, self._outflow(boundary, owner, supply), missing / throughput if throughput > 0 else 0.0, report)
+            driven, rounding = self._driven(flowing, change)
+            throughput = max(throughput, driven + rounding)
+        missing, of_each = (missing / throughput, of_each / throughput) if throughput > 0 else (0.0, 0.0)
+        return FlowResult(after, self._outflow(boundary, conditions[1], supply), missing, report, rate, of_each)
 
     def _check_options(self) -> None:
         """Once the linear solver has asked for its options: refuse those that it did not ask for."""
@@ -243,26 +288,26 @@ class PoreFlow:
             faults.append(f"-{name} is no option of this linear solver and preconditioner: {hint}")
         self.network.agree(faults)
 
-    def _balance(
-        self, fixed: NDArray[np.bool_], after: NDArray[np.float64], before: NDArray[np.float64], source: NDArray[np.float64], rate: NDArray[np.float64], dt: float
-    ) -> tuple[NDArray[np.float64], float, float]:
+    def _balance(self, conditions: tuple, flowing: NDArray, change: NDArray | None) -> tuple[NDArray[np.float64], float, float, float]:
         """What must come from outside for every pore's balance (7) to hold, (m,) m^3/s: through a face where the pressure is given, else 0.
-        The sum of it over free pores, and the throughput, m^3/s over all ranks."""
+        Of it, over free pores, the sum and the sum of the sizes; and the throughput, m^3/s over all ranks."""
+        fixed, _, source, rate = conditions
         owned = self.network.owned
-        supply = self._native.outflow(after) - source + rate
-        stored = self.storage * (after - before) / dt if dt > 0 else np.zeros(len(after))
+        supply = self._native.outflow(flowing) - source + rate
+        stored = self.storage * change if change is not None else np.zeros(len(flowing))
         supply += stored
         brought = np.abs(supply[owned & fixed]).sum() + sum(np.abs(part[owned]).sum() for part in (source, rate, stored))
-        sums = np.array([supply[owned & ~fixed].sum(), brought])
+        free = supply[owned & ~fixed]
+        sums = np.array([free.sum(), np.abs(free).sum(), brought])
         self.network.comm.Allreduce(MPI.IN_PLACE, sums)
-        return supply, abs(float(sums[0])), float(sums[1])
+        return supply, abs(float(sums[0])), float(sums[1]), float(sums[2])
 
-    def _driven(self, pressure: NDArray[np.float64], dt: float) -> tuple[float, float]:
+    def _driven(self, pressure: NDArray[np.float64], change: NDArray | None) -> tuple[float, float]:
         """What differences of pressure and body force would drive through all throats one by one, and the rounding of pressures as a flow,
         m^3/s over all ranks."""
         left, right, step = self._owned_throats()
         size = np.abs(pressure[left]) + np.abs(pressure[right])
-        stored = self.storage @ np.abs(pressure) / dt if dt > 0 else 0.0
+        stored = self.storage @ np.abs(change) if change is not None else 0.0
         driven = self.conductance @ (np.abs(pressure[left] - pressure[right]) + np.abs(step @ self.body_force))
         sums = np.array([driven, ROUNDING * (self.conductance @ size + stored)])
         self.network.comm.Allreduce(MPI.IN_PLACE, sums)
@@ -277,9 +322,10 @@ class PoreFlow:
             step[:, axis] -= self.network.lengths[axis] * np.round(step[:, axis] / self.network.lengths[axis])
         return left, right, step
 
-    def _conditions(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None):
-        """Arrays of one solve: fixed, which condition fixed it, start, pressure before, source, volume rate; each (m,)."""
-        network, faults = self.network, []
+    def _conditions(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None, tolerance: float = TOLERANCE):
+        """Arrays of one solve: fixed, which condition fixed it, pressure before with what is given in its place, pressure before, source, volume
+        rate; each (m,)."""
+        network, faults = self.network, [] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"]
         m = network.pores
         before = np.zeros(m) if pressure is None else checked_array("pressure", pressure, np.float64, (m,), faults)
         rate = np.zeros(m) if volume_rate is None else checked_array("volume_rate", volume_rate, np.float64, (m,), faults)

@@ -5,8 +5,8 @@ its start and with all of the interval's volume changes; the split decides what 
 
 undrained   the pressures answer each step at once as if no fluid passed any throat, dp = -dV / (beta V). Stable whatever the
             interval; what drains reaches the grains half an interval late, an error of first order.
-predicted   so they do, and besides go on at the rate at which the interval before drained, dp/dt = (net flow into the pore) /
-            (beta V): of the lag there remains what the drainage changes from one interval to the next.
+predicted   so they do, and besides go on draining at the rate at the end of the interval before, dp/dt = (net flow into the pore) /
+            (beta V); the solve is one of second order (`PoreFlow.implicit`), and so is the error.
 drained     pressures stand still: stable only while the fluid's stiffness over the interval stays below the skeleton's.
 
 The steps are made in C++ (`PoreResponse`), with the gradients of the pores' volumes as they were when the interval began. A DEM engine
@@ -96,7 +96,7 @@ class TwoWayCoupling:
 
     @property
     def drainage(self) -> NDArray[np.float64]:
-        """(m,) float64, Pa/s, local: at which the last interval's flow alone changed the pressures; for `begin`."""
+        """(m,) float64, Pa/s, local: at which flow alone changed the pressures when the last interval ended; for `begin`."""
         return self._drainage
 
     @property
@@ -145,8 +145,9 @@ class TwoWayCoupling:
         elapsed = self._response.elapsed if self._begun else 0.0
         self.network.agree([] if elapsed > 0 else ["exchange() needs at least one move() before it"])
         swept = self._response.swept()
-        result = self.flow.implicit(self.boundary, self._at_start, elapsed, swept / elapsed, self.tolerance)
-        drained = (result.pressure - self._at_start + self._stiffness * swept) / elapsed
+        order = 2 if self.split == "predicted" else 1
+        result = self.flow.implicit(self.boundary, self._at_start, elapsed, swept / elapsed, self.tolerance, order)
+        drained = result.rate + self._stiffness * swept / elapsed
         self._drainage = np.where(self._stiffness > 0.0, drained, 0.0) if self.split == "predicted" else np.zeros(len(drained))
         self._response.end()
         self._at_start, self._begun, self._force = result.pressure, False, None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from flowsolver.flow import FlowResult
 
 from coupling.fluid.exchange import Dry, StandingForces
-from coupling.fluid.two_way_flow import SOLVER_TOLERANCE, TwoWayFlow
+from coupling.fluid.two_way_flow import TwoWayFlow
 
 
 class OneWayFlow(StandingForces, TwoWayFlow):
@@ -29,7 +29,7 @@ class OneWayFlow(StandingForces, TwoWayFlow):
 
     def _solve(self) -> FlowResult:
         elapsed = (self._engine.step - self._begun) * self._engine.time_step
-        return self._flow.implicit(self._held.boundary(), self._pressure, elapsed, tolerance=SOLVER_TOLERANCE)
+        return self._flow.implicit(self._held.boundary(), self._pressure, elapsed, tolerance=self._case.flow.solver_tolerance)
 
     def _set_forces(self) -> None:
         # As prescribed pressures do: what grains do gives the fluid nothing that half a step of old forces could give back.

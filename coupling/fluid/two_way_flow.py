@@ -34,9 +34,6 @@ from coupling.scene.walls import GROUPS, SceneWalls
 SPLITS = {"undrained": "undrained", "predicted": "predicted", "staggered": "drained"}
 #: Id of the fix that has the fluid answer the engine's steps.
 FIX = "two_way"
-#: Of the linear solver, relative; it costs twice what 1e-6 of the pressures would (docs/error-against-run-time.md). With it the balance of
-#: mass closes to 1e-10 of the throughput of an interval in which grains move.
-SOLVER_TOLERANCE = 1e-12
 STAGGERED_HINT = """
   With flow.split = "staggered" a run ends like this when the fluid is stiffer than the skeleton: set "undrained", or shorten flow.interval_steps"""
 
@@ -113,7 +110,7 @@ class TwoWayFlow(Dry):
             held = self._held.boundary()
             if not self._saved:
                 self._refuse_unstable(held)
-            self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, SOLVER_TOLERANCE, self._law, self._drainage)
+            self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, self._case.flow.solver_tolerance, self._law, self._drainage)
             self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)
         else:
             self._coupling.begin(self._pressure, self._drainage)
@@ -135,6 +132,7 @@ class TwoWayFlow(Dry):
         self.solver |= {
             "solves": self.solver.get("solves", 0) + 1,
             "iterations": self.solver.get("iterations", 0) + report["iterations"],
+            "pore_residual_at_most": max(self.solver.get("pore_residual_at_most", 0.0), self._result.pore_residual),
             **{f"{name}_at_most": max(self.solver.get(f"{name}_at_most", 0), report[name])
                for name in ("iterations", "residual", "limited_pores", "limited_throats", "isolated_pores")},
         }  # fmt: skip

@@ -42,6 +42,7 @@ nb::dict to_dict(const SolveReport& r) {
   out["iterations"] = r.iterations;
   out["ksp_reason"] = r.reason;
   out["residual"] = r.residual;
+  out["imbalance"] = r.imbalance;
   out["preconditioner_kept"] = r.preconditioner_kept;
   out["substeps"] = r.substeps;
   seconds["assemble"] = r.assemble;

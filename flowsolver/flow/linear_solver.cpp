@@ -211,6 +211,17 @@ LinearReport LinearSolver::solve(double relative_tolerance, double least_residua
   return report;
 }
 
+double LinearSolver::residual_sum() const {
+  Vec residual = nullptr;
+  PetscScalar sum = 0.0;
+  check(VecDuplicate(right_, &residual));
+  check(MatMult(matrix_, solution_, residual));
+  check(VecAYPX(residual, -1.0, right_));
+  check(VecSum(residual, &sum));
+  check(VecDestroy(&residual));
+  return sum;
+}
+
 std::pair<PetscReal, PetscInt> LinearSolver::worst_row() const {
   Vec imbalance = nullptr;
   PetscInt worst = 0;

@@ -42,6 +42,9 @@ class LinearSolver {
   // Collective. unknown (rows of this rank): the start, and the solution. least_residual: norm that counts as zero.
   LinearReport solve(double relative_tolerance, double least_residual, std::vector<double>& unknown);
 
+  // Collective. Sum of the last residual's entries.
+  double residual_sum() const;
+
   // Collective. Largest entry of the last residual, and its row.
   std::pair<PetscReal, PetscInt> worst_row() const;
 

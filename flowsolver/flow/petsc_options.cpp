@@ -19,7 +19,7 @@ namespace {
 constexpr std::array<const char*, 4> prefixes{"flow_", "ksp_", "pc_", "mg_"};
 
 // The tuned multigrid, unless the user's options say otherwise.
-constexpr std::array<std::array<const char*, 2>, 11> default_options{{
+constexpr std::array<std::array<const char*, 2>, 13> default_options{{
     {"-flow_ksp_type", "cg"},
     {"-flow_ksp_norm_type", "unpreconditioned"},
     {"-flow_pc_type", "hypre"},
@@ -31,6 +31,10 @@ constexpr std::array<std::array<const char*, 2>, 11> default_options{{
     {"-flow_pc_hypre_boomeramg_agg_nl", "1"},
     // Relaxing coarse and fine points in turn takes each sweep twice through the matrix and saves no iteration.
     {"-flow_pc_hypre_boomeramg_no_CF", "1"},
+    // One way through the rows before the coarser level and the other way after it: symmetric together, at half the price of both ways twice,
+    // for a fifth more iterations.
+    {"-flow_pc_hypre_boomeramg_relax_type_down", "SOR/Jacobi"},
+    {"-flow_pc_hypre_boomeramg_relax_type_up", "backward-SOR/Jacobi"},
     // Elimination on the coarsest level fails where only differences of pressure are determined.
     {"-flow_pc_hypre_boomeramg_relax_type_coarse", "symmetric-SOR/Jacobi"},
 }};

@@ -26,6 +26,7 @@ struct SolveReport {
   int iterations;
   int reason;                   // PETSc's
   double residual;              // norm at the end
+  double imbalance;             // m^3/s, of all unknowns together, before their balance was closed
   bool preconditioner_kept;
   std::int64_t substeps;        // of explicit
   double assemble, setup, solve;  // seconds of this rank

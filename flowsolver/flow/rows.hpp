@@ -25,6 +25,11 @@ struct Rows {
 
   std::size_t size() const { return filled.size(); }
   double& diagonal(std::size_t row) { return value[row * width]; }
+  double sum(std::size_t row) const {
+    double entries = 0.0;
+    for (int e = 0; e < filled[row]; ++e) entries += value[row * width + e];
+    return entries;
+  }
 
   // other: global number of the pore on the other side, -1 if its pressure is given.
   void couple(std::size_t row, double conductance, double head, PetscInt other, double other_pressure, double reference) {

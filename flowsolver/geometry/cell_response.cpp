@@ -41,9 +41,8 @@ void add_cell_forces(const CellGradients& cells, const double* pressure, std::si
   for (std::size_t c = first; c < last; ++c) Cell(cells, c).push(pressure[c], force);
 }
 
-double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const CellPressures& pressures, double time,
-              double dt, std::size_t first, std::size_t last, Four* force) {
-  double work = 0.0;
+void add_answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last, double* by_walls,
+                Four* force) {
   // The engine has thrown all of this out of the near caches since the last step. A prefetch past the end does nothing.
   constexpr std::size_t ahead = 48;
   for (std::size_t c = first; c < last; ++c) {
@@ -52,14 +51,12 @@ double answer(const CellGradients& cells, const Four* displacement, const double
     __builtin_prefetch(next + 8);
     __builtin_prefetch(cells.grain.data() + c + 2 * ahead);
     const Cell cell(cells, c);
-    const double gained = cell.gained(displacement) + (by_walls ? by_walls[c - first] : 0.0);
-    pressures.swept[c] += gained;
-    const double after = pressures.at(c, time);
-    const double rise = dt * pressures.drift[c] - pressures.stiffness[c] * gained;
-    work += (after - 0.5 * rise) * gained;
-    cell.push(after, force);
+    double gained = cell.gained(displacement);
+    if (by_walls) gained += by_walls[c - first];
+    const double change = -stiffness[c] * gained;
+    if (by_walls) by_walls[c - first] = change;
+    cell.push(change, force);
   }
-  return work;
 }
 
 }  // namespace poreslip::geometry

@@ -26,19 +26,10 @@ void add_gained_volumes(const CellGradients& cells, const Four* displacement, st
 // Forces of the pressures (cells) on grains; adds to the first three components of force (grains + 1), N.
 void add_cell_forces(const CellGradients& cells, const double* pressure, std::size_t first, std::size_t last, Four* force);
 
-// Pressures of cells over an interval: start + time * drift - stiffness * swept.
-struct CellPressures {
-  const double* start;      // Pa
-  const double* drift;      // Pa/s
-  const double* stiffness;  // Pa/m^3: 1 / (beta V), or 0 where no volume changes the pressure
-  double* swept;            // m^3, gained since the start
-  double at(std::size_t cell, double time) const { return start[cell] + time * drift[cell] - stiffness[cell] * swept[cell]; }
-};
-
-// The answer to one step of length dt that ends at `time`, and the forces of the new pressures, in one pass over cells [first, last).
-// by_walls (last - first), m^3, or null: what the walls add to the cells' volumes. Adds to swept and to force; returns the volumes
-// gained times the mean of the pressures before and after, J.
-double answer(const CellGradients& cells, const Four* displacement, const double* by_walls, const CellPressures& pressures, double time,
-              double dt, std::size_t first, std::size_t last, Four* force);
+// What the pressures of cells [first, last) lose by displacements (grains + 1), m, and the forces of these losses, in one pass.
+// stiffness (cells), Pa/m^3: 1 / (beta V), or 0 where no volume changes the pressure. by_walls (last - first) or null. In: m^3, what walls add to the
+// cells' volumes; out: the changes of the pressures, Pa. Adds to force.
+void add_answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last, double* by_walls,
+                Four* force);
 
 }  // namespace poreslip::geometry

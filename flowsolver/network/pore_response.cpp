@@ -56,7 +56,7 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   drift_.assign(drift, drift + pores);
   stiffness_.assign(stiffness, stiffness + pores);
   swept_.assign(pores, 0.0);
-  gained_.resize(pores);
+  swept_known_ = true;
   elapsed_ = 0.0;
   work_ = {};
   directory_ = network_.directory();
@@ -64,10 +64,27 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   take_gradients(law);
   take_order(directory_.input_size(), nullptr);
   displacement_.assign(network_.local_grains().size() + 1, Four{});
-  force_.resize(displacement_.size());
   wall_before_.assign(6 * network_.groups(), 0.0);
-  sum_roofs(wall_before_.data());
+  gained_.resize(pores);
+  force_.resize(displacement_.size());
+  if (alone_) begin_alone();
+  sum_roofs(start_, wall_before_.data());
   begun_ = true;
+}
+
+void PoreResponse::begin_alone() {
+  const std::size_t grains = network_.local_grains().size(), entries = wall_before_.size();
+  displacement_.assign(grains + 1 + entries, Four{});
+  moment_ = displacement_;
+  const auto forces_of = [&](const std::vector<double>& pressure, std::vector<Four>& force) {
+    force.assign(displacement_.size(), Four{});
+    push(pressure, force);
+    std::vector<double> on_walls(entries);
+    sum_roofs(pressure, on_walls.data());
+    for (std::size_t e = 0; e < entries; ++e) force[grains + 1 + e][0] = on_walls[e];
+  };
+  forces_of(start_, first_);
+  forces_of(drift_, drifting_);
 }
 
 void PoreResponse::take_gradients(ForceLaw law) {
@@ -103,15 +120,14 @@ void PoreResponse::take_gradients(ForceLaw law) {
   });
 }
 
-// Forces of the pressures on the local grains.
-void PoreResponse::push() const {
-  const std::vector<double> now = pressure();
+// Adds the forces of the pressures on the local grains.
+void PoreResponse::push(const std::vector<double>& pressure, std::vector<Four>& force) const {
   if (push_.empty()) {
-    geometry::add_cell_forces(volume_, now.data(), 0, now.size(), force_.data());
+    geometry::add_cell_forces(volume_, pressure.data(), 0, pressure.size(), force.data());
     return;
   }
-  for (std::size_t c = 0; c < now.size(); ++c)
-    for (int k = 0; k < 4; ++k) force_[volume_.grain[c][k]] += now[c] * push_[c][k];
+  for (std::size_t c = 0; c < pressure.size(); ++c)
+    for (int k = 0; k < 4; ++k) force[volume_.grain[c][k]] += pressure[c] * push_[c][k];
 }
 
 void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
@@ -125,12 +141,10 @@ void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
       throw ComputationError("the grains are not those that the pore network was made of: some were lost or have come in between");
   }
   const LocalGrains& local = network_.local_grains();
-  bool own = true;
-  for (std::size_t i = 0; i < local.size(); ++i) own = own && local.source[i] >= 0;
-  for (std::size_t i = 0; i < count; ++i) own = own && directory_.own_of_input(i) >= 0;
-  int alone = own;
-  MPI_Allreduce(MPI_IN_PLACE, &alone, 1, MPI_INT, MPI_LAND, network_.communicator());
-  alone_ = alone;
+  int ranks = 1;
+  MPI_Comm_size(network_.communicator(), &ranks);
+  // Without other ranks there are no strays, and images only where there are periods.
+  alone_ = ranks == 1 && push_.empty() && std::all_of(local.source.begin(), local.source.end(), [](std::int32_t s) { return s >= 0; });
   if (!alone_) return;
   std::vector<std::int32_t> input_of_own(count);
   for (std::size_t i = 0; i < count; ++i) input_of_own[directory_.own_of_input(i)] = static_cast<std::int32_t>(i);
@@ -138,15 +152,8 @@ void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
   for (std::size_t i = 0; i < local.size(); ++i) input_of_local_[i] = input_of_own[local.source[i]];
 }
 
-// Displacements of all local grains from those of the caller's.
+// Displacements of all local grains in a step from the velocities of the caller's.
 void PoreResponse::spread(double dt, const double* velocity) {
-  if (alone_) {
-    for (std::size_t i = 0; i < input_of_local_.size(); ++i) {
-      const double* v = velocity + 3 * static_cast<std::size_t>(input_of_local_[i]);
-      displacement_[i] = Four{dt * v[0], dt * v[1], dt * v[2], 0.0};
-    }
-    return;
-  }
   const LocalGrains& local = network_.local_grains();
   std::vector<std::array<double, 3>> own(network_.own_grains());
   directory_.gather_vectors(network_.communicator(), velocity, own);
@@ -160,11 +167,6 @@ void PoreResponse::spread(double dt, const double* velocity) {
 
 // Forces on the caller's grains from those on the local ones.
 void PoreResponse::collect(double* out) const {
-  if (alone_) {
-    for (std::size_t i = 0; i < input_of_local_.size(); ++i)
-      for (int d = 0; d < 3; ++d) out[3 * static_cast<std::size_t>(input_of_local_[i]) + d] = force_[i][d];
-    return;
-  }
   const LocalGrains& local = network_.local_grains();
   std::vector<std::array<double, 3>> own(network_.own_grains());
   for (std::size_t i = 0; i < local.size(); ++i)
@@ -172,25 +174,59 @@ void PoreResponse::collect(double* out) const {
   directory_.scatter(network_.communicator(), own, out);
 }
 
-void PoreResponse::sum_roofs(double* wall_force) const {
+void PoreResponse::sum_roofs(const std::vector<double>& pressure, double* wall_force) const {
   std::fill_n(wall_force, wall_before_.size(), 0.0);
   const bool* const owned = network_.owned();
   for (const Roof& r : roof_)
-    if (owned[r.cell]) wall_force[r.entry] += pressures().at(r.cell, elapsed_) * r.area;
+    if (owned[r.cell]) wall_force[r.entry] += pressure[r.cell] * r.area;
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
 }
 
+// Volumes that the pores gain by displacements of grains and walls; where alone.
+std::vector<double> PoreResponse::gained(const std::vector<Four>& displacement) const {
+  std::vector<double> volume(start_.size(), 0.0);
+  geometry::add_gained_volumes(volume_, displacement.data(), 0, volume.size(), volume.data());
+  const std::size_t walls = displacement.size() - wall_before_.size();
+  for (const Roof& r : roof_) volume[r.cell] += r.area * displacement[walls + r.entry][0];
+  return volume;
+}
+
+const std::vector<double>& PoreResponse::swept() const {
+  if (!swept_known_) swept_ = gained(displacement_);
+  swept_known_ = true;
+  return swept_;
+}
+
 std::vector<double> PoreResponse::pressure() const {
+  swept();
   std::vector<double> now(start_.size());
-  for (std::size_t c = 0; c < now.size(); ++c) now[c] = pressures().at(c, elapsed_);
+  for (std::size_t c = 0; c < now.size(); ++c) now[c] = pressure_at(c);
   return now;
 }
 
+std::array<double, 3> PoreResponse::work() const {
+  if (!alone_) return work_;
+  // The sum over all steps of the mean pressure in the step, start + middle * drift - stiffness * (mean of swept), times the volume gained.
+  const std::vector<double>& volume = swept();
+  const std::vector<double> moment = gained(moment_);
+  double by_fluid = 0.0;
+  for (std::size_t c = 0; c < volume.size(); ++c)
+    by_fluid += (start_[c] - 0.5 * stiffness_[c] * volume[c]) * volume[c] + drift_[c] * moment[c];
+  return {work_[0], by_fluid, work_[2]};
+}
+
 void PoreResponse::forces(double* force, double* wall_force) const {
+  if (alone_) {
+    forces_alone(wall_force);
+    for (std::size_t i = 0; i < input_of_local_.size(); ++i)
+      for (int d = 0; d < 3; ++d) force[3 * static_cast<std::size_t>(input_of_local_[i]) + d] = force_[i][d];
+    return;
+  }
+  const std::vector<double> now = pressure();
   std::fill(force_.begin(), force_.end(), Four{});
-  push();
+  push(now, force_);
   collect(force);
-  sum_roofs(wall_force);
+  sum_roofs(now, wall_force);
 }
 
 void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, const double* velocity,
@@ -202,14 +238,18 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
     if (!alone_) MPI_Allreduce(MPI_IN_PLACE, &same, 1, MPI_INT, MPI_LAND, network_.communicator());
     if (!same) take_order(count, id);
   }
+  if (alone_) {
+    step_alone(dt, velocity, wall_velocity, force, wall_force);
+    return;
+  }
   spread(dt, velocity);
   std::fill(force_.begin(), force_.end(), Four{});
   elapsed_ += dt;
-  work_[1] += alone_ && push_.empty() ? answer_alone(dt, wall_velocity) : answer_shared(dt, wall_velocity);
+  work_[1] += answer_shared(dt, wall_velocity);
 
   before_.assign(force, force + 3 * count);
   collect(force);
-  sum_roofs(wall_force);
+  sum_roofs(pressure(), wall_force);
   // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
   const auto add_work = [this, dt](const double* before, const double* after, const double* speed, std::size_t size) {
     double sum = 0.0, sizes = 0.0;
@@ -229,16 +269,54 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
   std::copy_n(wall_force, wall_before_.size(), wall_before_.begin());
 }
 
-// Where this rank knows all of every pore, and forces are the gradients of the volumes: one pass.
-double PoreResponse::answer_alone(double dt, const double* wall_velocity) {
-  const std::size_t inner = network_.mesh().cell_end[0], pores = start_.size();
-  // Cells without walls come first; those with walls also gain what the walls sweep.
-  std::fill(gained_.begin() + inner, gained_.end(), 0.0);
-  for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
-  const auto answer = [this, dt](const double* by_walls, std::size_t first, std::size_t last) {
-    return geometry::answer(volume_, displacement_.data(), by_walls, pressures(), elapsed_, dt, first, last, force_.data());
+// Forces on the local grains, and on the walls.
+void PoreResponse::forces_alone(double* wall_force) const {
+  const std::size_t grains = input_of_local_.size(), inner = network_.mesh().cell_end[0];
+  for (std::size_t i = 0; i < grains; ++i) force_[i] = first_[i] + elapsed_ * drifting_[i];
+  // Cells without walls come first.
+  double* const by_walls = gained_.data() + inner;
+  std::fill(gained_.begin() + static_cast<std::ptrdiff_t>(inner), gained_.end(), 0.0);
+  for (const Roof& r : roof_) gained_[r.cell] += r.area * displacement_[grains + 1 + r.entry][0];
+  geometry::add_answer(volume_, displacement_.data(), stiffness_.data(), 0, inner, nullptr, force_.data());
+  geometry::add_answer(volume_, displacement_.data(), stiffness_.data(), inner, gained_.size(), by_walls, force_.data());
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = first_[grains + 1 + e][0] + elapsed_ * drifting_[grains + 1 + e][0];
+  for (const Roof& r : roof_) wall_force[r.entry] += r.area * gained_[r.cell];
+}
+
+// The same from the displacements since the interval began.
+void PoreResponse::step_alone(double dt, const double* velocity, const double* wall_velocity, double* force, double* wall_force) {
+  const std::size_t grains = input_of_local_.size();
+  const double middle = elapsed_ + 0.5 * dt;
+  const auto three = [](const double* from) { return Four{from[0], from[1], from[2], 0.0}; };
+  const auto move = [&](std::size_t i, const Four& way) {
+    displacement_[i] += way;
+    moment_[i] += middle * way;
   };
-  return answer(nullptr, 0, inner) + answer(gained_.data() + inner, inner, pores);
+  for (std::size_t i = 0; i < grains; ++i) move(i, dt * three(velocity + 3 * static_cast<std::size_t>(input_of_local_[i])));
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) move(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
+  elapsed_ += dt;
+  swept_known_ = false;
+  forces_alone(wall_force);
+  // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
+  Four sum{}, sizes{};
+  const auto add_work = [&](const Four& before, const Four& after, const Four& speed) {
+    const Four work = 0.5 * dt * (before + after) * speed;
+    sum += work;
+    sizes += work < 0.0 ? -work : work;
+  };
+  for (std::size_t i = 0; i < grains; ++i) {
+    const std::size_t at = 3 * static_cast<std::size_t>(input_of_local_[i]);
+    add_work(three(force + at), force_[i], three(velocity + at));
+    for (int d = 0; d < 3; ++d) force[at + d] = force_[i][d];
+  }
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) {
+    add_work(Four{wall_before_[e]}, Four{wall_force[e]}, Four{wall_velocity[e]});
+    wall_before_[e] = wall_force[e];
+  }
+  for (int d = 0; d < 3; ++d) {
+    work_[0] += sum[d];
+    work_[2] += sizes[d];
+  }
 }
 
 double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
@@ -251,9 +329,9 @@ double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
   for (std::size_t c = 0; c < gained_.size(); ++c) {
     swept_[c] += gained_[c];
     const double rise = dt * drift_[c] - stiffness_[c] * gained_[c];
-    if (network_.owned()[c]) work += (pressures().at(c, elapsed_) - 0.5 * rise) * gained_[c];
+    if (network_.owned()[c]) work += (pressure_at(c) - 0.5 * rise) * gained_[c];
   }
-  push();
+  push(pressure(), force_);
   return work;
 }
 

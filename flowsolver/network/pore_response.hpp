@@ -47,10 +47,10 @@ class PoreResponse {
   std::size_t groups() const { return wall_before_.size() / 6; }
   double elapsed() const { return elapsed_; }                          // s, since the interval began
   std::vector<double> pressure() const;                                // (pores), Pa
-  const std::vector<double>& swept() const { return swept_; }          // (pores), m^3: volumes gained since then
+  const std::vector<double>& swept() const;                            // (pores), m^3: volumes gained since then
   // Of this rank, J: done on grains and walls by the mean of the forces before and after each step; given by the fluid; and
   // the sizes of the first's terms.
-  const std::array<double, 3>& work() const { return work_; }
+  std::array<double, 3> work() const;
   double seconds() const { return seconds_; }                          // of this rank, that all steps took
 
  private:
@@ -63,25 +63,34 @@ class PoreResponse {
   void take_order(std::size_t count, const std::int32_t* id);
   void spread(double dt, const double* velocity);
   void collect(double* out) const;
-  geometry::CellPressures pressures() const { return {start_.data(), drift_.data(), stiffness_.data(), swept_.data()}; }
-  double answer_alone(double dt, const double* wall_velocity);
+  double pressure_at(std::size_t cell) const { return start_[cell] + elapsed_ * drift_[cell] - stiffness_[cell] * swept_[cell]; }
+  void begin_alone();
+  void step_alone(double dt, const double* velocity, const double* wall_velocity, double* force, double* wall_force);
+  void forces_alone(double* wall_force) const;
+  std::vector<double> gained(const std::vector<geometry::Four>& displacement) const;
   double answer_shared(double dt, const double* wall_velocity);
-  void push() const;
-  void sum_roofs(double* wall_force) const;
+  void push(const std::vector<double>& pressure, std::vector<geometry::Four>& force) const;
+  void sum_roofs(const std::vector<double>& pressure, double* wall_force) const;
 
   PoreNetwork& network_;
   GrainDirectory directory_;
   std::vector<std::int32_t> id_;                 // the caller's order; empty: that of the network's last update
-  bool alone_ = true;                            // every local grain is one of the caller's: no halo, no strays
   std::vector<std::int32_t> input_of_local_;     // where alone: place in the caller's order
   geometry::CellGradients volume_;
   std::vector<std::array<geometry::Four, 4>> push_;  // where forces are not the gradients of the volumes (2), else empty
   std::vector<Roof> roof_;
-  std::vector<double> start_, drift_, stiffness_, gained_;
+  std::vector<double> start_, drift_, stiffness_;
+  mutable std::vector<double> gained_;
   mutable std::vector<double> swept_;
   std::vector<geometry::Four> displacement_;
   mutable std::vector<geometry::Four> force_;
   std::vector<double> before_, wall_before_;     // forces before the step
+  // Alone, on one rank whose every local grain is one of the caller's and with forces that are the gradients of the volumes, all follows
+  // from the displacements since the interval began: displacement_, with those of the walls' entries behind the grains.
+  bool alone_ = false;
+  std::vector<geometry::Four> moment_;           // displacements times the middles of their steps, m s
+  std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
+  mutable bool swept_known_ = true;
   bool begun_ = false;
   double elapsed_ = 0.0;
   std::array<double, 3> work_{};
