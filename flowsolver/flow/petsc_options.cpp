@@ -2,6 +2,7 @@
 
 #include <petscksp.h>
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cstdarg>
@@ -97,6 +98,12 @@ void use_options(const std::string& given) {
   // What is given anew counts as used if it was.
   for (const std::string& name : names_in(given)) check(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
   check_options(PetscOptionsInsertString(nullptr, given.c_str()));
+  // One relaxation that is given for all ways takes the place of both.
+  const std::string relaxation = "flow_pc_hypre_boomeramg_relax_type_";
+  const std::vector<std::string> names = names_in(given);
+  const auto named = [&](const std::string& name) { return std::find(names.begin(), names.end(), relaxation + name) != names.end(); };
+  for (const char* way : {"down", "up"})
+    if (named("all") && !named(way)) check(PetscOptionsClearValue(nullptr, ("-" + relaxation + way).c_str()));
 }
 
 std::vector<std::string> unused_options(const std::string& given) {
