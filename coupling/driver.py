@@ -14,6 +14,7 @@ from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.loading import Ending, Loading
 from coupling.measures.fault import Measures
 from coupling.measures.sample import SampleMeasures
+from coupling.memory import refuse_too_large
 from coupling.plan import plan
 from coupling.results.output import RunOutput, write_atomically
 from coupling.results.phases import Phases
@@ -70,6 +71,7 @@ class Run:
             if state["decks_sha256"] != prepared.load_deck_digest(case):
                 self._tell("the loading deck was changed since the checkpoint was written: the run goes on with what it says now")
         else:
+            refuse_too_large(case, comm)
             with self.phases.timed("stages"):
                 stage = prepared.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
         fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
@@ -82,7 +84,9 @@ class Run:
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
         with self.phases.timed("engine"):
+            engine.define(prepared.results_variable([prepared.load_deck(case)], self.directory))
             engine.deck(prepared.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
+            _require(case, engine)
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         saved = None
@@ -155,6 +159,16 @@ class Run:
     def _tell(self, text: str) -> None:
         if self.comm.rank == 0:
             print(f"{self.case.name}  {text}", flush=True)
+
+
+def _require(case: RunCase, engine) -> None:
+    """Refuse a deck without which the run would come to its end, and mean something else than its case."""
+    engine.require_fix("reference_position", "fix reference_position all property/atom reference_position vector yes no no 0. 0. 0.")
+    if case.needs_mesh:
+        for name in ("pore_force", "add_pore_force"):
+            engine.require_fix(name, "include ${inputs}/pore_force_${pore_force}.include")
+    if case.bonded:
+        engine.require_fix("bonds", "fix bonds all bond/settings armed no")
 
 
 class NoSnapshots:

@@ -30,7 +30,7 @@ def plan(case_file: CaseFile, ranks: int) -> str:
             lines.append(f"    stages before loading, once for this pack and only if not kept from before: {_duration(packing / ranks)}")
             total += packing
         total += seconds
-        lines.append(f"    loading: {_duration(seconds / ranks)}, {_memory(run) / 1e6:.0f} MB")
+        lines.append(f"    loading: {_duration(seconds / ranks)}, {memory_bytes(run) / 1e6:.0f} MB")
         lines.append("")
     lines.append(f"estimated in all: {_duration(total / ranks)}; nothing was run")
     return "\n".join(lines)
@@ -59,7 +59,8 @@ def _loading_seconds(run: RunCase) -> float:
     return seconds
 
 
-def _memory(run: RunCase) -> float:
+def memory_bytes(run: RunCase) -> float:
+    """Estimated memory of a run on all ranks."""
     return 1e8 + run.estimated_grains * (ENGINE_BYTES_PER_GRAIN + (NETWORK_BYTES_PER_GRAIN if run.needs_mesh else 0.0))
 
 

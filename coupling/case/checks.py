@@ -122,7 +122,8 @@ def _loading(run: RunCase) -> Iterator[Problem]:
     rate = {"supplement": "supplement.ramp_time_s", "sample": "sample.loading_time_s"}.get(run.scene, "loading.strain_rate_per_s")
     slower, faster = ("lower it", "raise it") if rate.endswith("rate_per_s") else ("lengthen it", "shorten it")
     if run.loading_steps < 10:
-        yield rate, f"loading takes {run.loading_steps} steps of {run.time_step_s:.3g} s, too few to follow the grains; {slower}"
+        yield rate, (f"loading takes {run.loading_steps} steps of {run.time_step_s:.3g} s, too few to follow the grains; {slower}, or see whether that step, which "
+                     "material.modulus_Pa, pack.density_kg_m3 and pack.diameter_m decide, is as it should be")
     if run.loading_steps > 2**31 - 1:
         yield rate, f"loading takes {run.loading_steps:.3g} steps of {run.time_step_s:.3g} s, more than the engine can count; {faster}"
 

@@ -14,6 +14,7 @@
 #include <group.h>
 #include <input.h>
 #include <library.h>
+#include <modify.h>
 
 #include <cstdio>
 #include <stdexcept>
@@ -117,6 +118,20 @@ int poreslip_engine_group_bit(void *engine, const char *name) {
   LAMMPS_NS::Group *groups = static_cast<LAMMPS_NS::LAMMPS *>(engine)->group;
   const int index = groups->find(name);
   return index < 0 ? 0 : groups->bitmask[index];
+}
+
+// Bits of the groups whose motion some fix integrates.
+int poreslip_engine_moved_groups(void *engine) {
+  const LAMMPS_NS::Modify *modify = static_cast<LAMMPS_NS::LAMMPS *>(engine)->modify;
+  int bits = 0;
+  for (int i = 0; i < modify->nfix; ++i)
+    if (modify->fix[i]->time_integrate) bits |= modify->fix[i]->groupbit;
+  return bits;
+}
+
+// Whether there is a fix of this id.
+int poreslip_engine_has_fix(void *engine, const char *id) {
+  return static_cast<LAMMPS_NS::LAMMPS *>(engine)->modify->find_fix(id) >= 0;
 }
 
 int poreslip_engine_close(void *engine, char *message, int size) {

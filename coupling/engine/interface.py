@@ -74,8 +74,14 @@ class Engine(Protocol):
     def deck(self, path: Path, variables: dict[str, object], grains: int) -> None:
         """Set index-style variables, then carry out the deck ``path``, which keeps them (``variable ... index``). ``grains`` is their number after it."""
 
+    def define(self, variables: dict[str, object]) -> None:
+        """Set index-style variables for the decks to come."""
+
     def run(self, steps: int, setup: bool) -> None:
         """Make ``steps`` steps. ``setup`` rebuilds the neighbour list and the forces first, as after any command."""
+
+    def require_fix(self, fix_id: str, line: str) -> None:
+        """Raise InputError, naming the deck, if it defines no fix of this id; line: what to write."""
 
     def variable(self, name: str) -> float:
         """Value of an equal-style variable of the deck."""

@@ -89,17 +89,37 @@ class LiggghtsEngine:
     def deck(self, path: Path, variables: dict[str, object], grains: int) -> None:
         if not path.is_file():
             raise InputError(f"the deck {path} does not exist; copy all of liggghts-inputs into decks_directory, then change what you like")
-        for name, value in variables.items():
-            self.command(f"variable {name} index {_deck_value(name, value)}")
+        self.define(variables)
         self._deck, self._deck_has_run = path, False
         self._guarded(self._library.poreslip_engine_file, self._lmp, str(path).encode(), silent=True)
         self._expected_grains = grains
         self._count_grains()
 
+    def define(self, variables: dict[str, object]) -> None:
+        """Set index-style variables for the decks to come, which keep them."""
+        for name, value in variables.items():
+            self.command(f"variable {name} index {_deck_value(name, value)}")
+
     def run(self, steps: int, setup: bool) -> None:
+        if not self._deck_has_run:
+            self._refuse_grains_that_stand_still()
         self.command(f"run {steps} post no" if setup else f"run {steps} pre no post no")
         self._deck_has_run = True
         self._count_grains()
+
+    def _refuse_grains_that_stand_still(self) -> None:
+        """Collective. A deck that moves no grain would come to its end like one that does."""
+        bits = self._library.poreslip_engine_moved_groups(self._lmp)
+        still = self.comm.allreduce(int(np.count_nonzero(self.atom("mask") & bits == 0)))
+        if still:
+            raise InputError(
+                f"the deck {self._deck} lets {still} of {self.total_grains} grains stand still whatever acts on them: no fix integrates their motion. Write "
+                "`fix move all nve/sphere` in it, and hold grains, where you want that, with fix freeze or fix setforce")
+
+    def require_fix(self, fix_id: str, line: str) -> None:
+        """Raise InputError if the deck defines no fix of this id; line: what to write."""
+        if not self._library.poreslip_engine_has_fix(self._lmp, fix_id.encode()):
+            raise InputError(f"the deck {self._deck} defines no `fix {fix_id}`, which the driver needs; restore the line `{line}`")
 
     def _count_grains(self) -> None:
         if self._expected_grains is not None and self.total_grains != self._expected_grains:

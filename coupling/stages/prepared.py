@@ -73,6 +73,11 @@ def load_deck_digest(case: RunCase) -> str:
     return hashlib.sha256(json.dumps(_texts([load_deck(case)]), sort_keys=True).encode()).hexdigest()
 
 
+def results_variable(decks: list[Path], directory: Path) -> dict[str, object]:
+    """The variable of decks that names the directory of their results, where they ask for it: a path with a blank is of no use to others."""
+    return {"results": directory.resolve()} if any("${results}" in text for text in _texts(decks).values()) else {}
+
+
 def _scene_deck(stage: str, case: RunCase) -> str:
     return f"in.{stage}" if case.scene == "two_sides" else f"in.{stage}_{case.scene}"
 
@@ -90,8 +95,10 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
     work = Path(comm.bcast(work))
     try:
         with StopRequest() as stop:
+            results = results_variable([deck, deck.with_name(RELEASE_DECK)] if name == "pack" else [deck], work)
             engine = open_engine(work / "log.liggghts")
             engine.between_commands = stop.leave_if_received
+            engine.define(results)
             manifest = make(case, engine, comm, deck, work, before, tell)
             engine.write_restart(work / RESTART)
             engine.close()

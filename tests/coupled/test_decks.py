@@ -49,6 +49,24 @@ def test_a_variable_of_the_deck_is_set_from_the_case(run_fault, own_decks):
     assert damped["kinetic_energy_J"][-1] < 0.5 * without["kinetic_energy_J"][-1]
 
 
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+def test_dumps_of_two_runs_lie_in_their_own_directories(run_fault, own_decks, stage_cache, ranks):
+    """And those of a stage beside it."""
+    append(own_decks / "in.load", "dump mine all custom 200 ${results}/grains.*.dump id x y z")
+    append(own_decks / "in.bond", "write_dump all custom ${results}/bonded.dump id x y z")
+    runs = [run_fault(f"decks_directory={own_decks}", run=name, ranks=ranks) for name in ("wet", "dry")]
+    first, second = ([(run / f"grains.{step}.dump").read_text() for step in (0, 200)] for run in runs)
+    assert first[0] == second[0] and first[1] != second[1]
+    assert len(list(stage_cache.glob("bond-*/bonded.dump"))) == 1
+
+
+def test_a_blank_in_the_path_of_results_matters_to_decks_that_ask_for_it(run_fault, failing_fault, poreslip, tiny_case, own_decks, stage_cache, tmp_path):
+    run_fault(run="dry", out="my results")
+    append(own_decks / "in.load", "dump mine all custom 200 ${results}/grains.*.dump id x y z")
+    command = ["run", tiny_case, "--only", "dry", "--out", tmp_path / "my results", "--set", f"decks_directory={own_decks}"]
+    assert "holds a blank, which LIGGGHTS cannot read" in the_message(poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)}), 2)
+
+
 def test_a_changed_stage_is_made_anew(run_fault, own_decks, stage_cache):
     run_fault(run="dry", out="plain")
     before = set(stage_cache.iterdir())
@@ -75,8 +93,14 @@ BAD = {
     "no wall": (LOAD, lambda d: append(d, "unfix z_top_left"), ["{deck} defines no `fix z_top_left ... wall/plane`"]),
     "no group": (LOAD, lambda d: append(d, "unfix hold_ends", "group gouge_ends delete"), ["{deck} defines no `group gouge_ends`"]),
     "no reference position": (
-        LOAD, lambda d: change(d, r"^fix +reference_position .*\n", ""), ["{deck} defines no `fix reference_position all property/atom"]),
-    "no pore force": (LOAD, lambda d: change(d, r"^include .*pore_force_.*\n", ""), ["{deck} defines no `fix pore_force all property/atom"]),
+        LOAD, lambda d: change(d, r"^fix +reference_position .*\n", ""), ["{deck} defines no `fix reference_position`", "property/atom"]),
+    "no pore force": (LOAD, lambda d: change(d, r"^include .*pore_force_.*\n", ""), ["{deck} defines no `fix pore_force`", "pore_force_${{pore_force}}.include"]),
+    "pore force of no effect": (LOAD, lambda d: append(d, "unfix add_pore_force"), ["{deck} defines no `fix add_pore_force`"]),
+    "no bonds": (LOAD, lambda d: append(d, "unfix bonds"), ["{deck} defines no `fix bonds`", "bond/settings armed no"]),
+    "no motion": (LOAD, lambda d: append(d, "unfix move"), ["{deck} lets 465 of 465 grains stand still", "`fix move all nve/sphere`"]),
+    "motion of the gouge alone": (LOAD, lambda d: append(d, "unfix move", "fix move gouge nve/sphere"), ["of 465 grains stand still", "fix freeze"]),
+    "no motion in the stress": (STRESS, lambda d: change(d, r"^fix +move .*\n", ""), ["{deck} lets", "`fix move all nve/sphere`"]),
+    "no motion in the pack": (PACK, lambda d: change(d, r"^fix +move .*\n", ""), ["{deck} lets", "stand still"]),
     "no such include": (LOAD, lambda d: append(d, "include ${inputs}/absent.include"), ["absent.include", "{deck}"]),
     "wrong servo": (LOAD, lambda d: append(d, "fix_modify x_left servo strain 1 area 1"), ["fix_modify x_left servo strain 1 area 1", "{deck}"]),
     "wrong damping": (LOAD, lambda d: append(d, "fix again all damping/local 1.5"), ["fix again all damping/local 1.5", "{deck}"]),
@@ -109,7 +133,7 @@ def test_bad_deck(failing_fault, own_decks, name):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("name", ["unknown fix", "no wall", "no such include", "wrong servo", "no pore force", "grains lost in loading", "no such deck"])
+@pytest.mark.parametrize("name", ["unknown fix", "no wall", "no motion", "no motion in the pack", "no such include", "wrong servo", "no pore force", "grains lost in loading", "no such deck"])
 def test_bad_deck_on_two_ranks(failing_fault, own_decks, name):
     """A file that is not there is seen by the first rank alone, while the others wait in the engine: it ends them."""
     BAD[name][1](own_decks / BAD[name][0])

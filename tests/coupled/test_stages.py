@@ -148,6 +148,13 @@ def test_a_pack_that_cannot_be(run, override, part):
     assert part in the_message(run(override), 2)
 
 
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+def test_a_pack_that_no_machine_holds(run, ranks):
+    """The box in centimetres: 5e8 grains."""
+    message = the_message(run("pack.box_m=[3.1, 0.7, 1.5]", ranks=ranks), 2)
+    assert "pack.box_m = [3.1, 0.7, 1.5]" in message and "GB more than a machine of this run has free" in message
+
+
 @pytest.mark.parametrize(
     "overrides, ranks",
     [

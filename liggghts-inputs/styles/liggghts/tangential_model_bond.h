@@ -234,7 +234,8 @@ class TangentialModel<TANGENTIAL_BOND> : public TangentialModelBase {
     if (-overlap <= stretch_max_ * close.radsum) return;
     char text[300];
     snprintf(text, sizeof text, "tangential bond: the bond of grains %d and %d is %g of the radii's sum long, more "
-             "than stretch_max %g; give pair_style a larger stretch_max, or bonds of less strength",
+             "than stretch_max %g; if the run is unstable, lower loading.time_step_fraction; else give pair_style a larger stretch_max, or bonds "
+             "of less strength",
              atom->tag[close.i], atom->tag[close.j], -overlap / close.radsum, stretch_max_);
     error->one(FLERR, text);
   }
