@@ -160,7 +160,7 @@ def _run(chosen: argparse.Namespace) -> int:
 def _restarted(chosen: argparse.Namespace, overrides: list[str]) -> tuple[Any, Any]:
     """The one run of a directory of results, as it was started."""
     from coupling.case.files import run_case_from_dict
-    from coupling.case.schema import CaseFile
+    from coupling.case.run_case import CaseFile
     from coupling.run_options import RunOptions
 
     refused = {"CASE": chosen.case, "--set": chosen.overrides, "--only": chosen.only, "--out": chosen.out}

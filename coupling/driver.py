@@ -7,7 +7,7 @@ from pathlib import Path
 
 from coupling.results import checkpoint
 
-from coupling.case.schema import CaseFile, RunCase
+from coupling.case.run_case import CaseFile, RunCase
 from coupling.collective import raised_together
 from coupling.engine.liggghts import LiggghtsEngine
 from coupling.fluid.pore_pressure import PrescribedPressure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.measures.fault import Measures

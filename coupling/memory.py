@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from coupling.case.checks import toml_text
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.errors import InputError
 from coupling.plan import memory_bytes
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from coupling.case.schema import CaseFile, RunCase
+from coupling.case.run_case import CaseFile, RunCase
 
 #: For the estimate only, measured on one core of a 2023 server (AMD EPYC): grain-steps per second with bonds and damping, bytes per
 #: grain of the engine and of the pore network, and the network's time per grain and update.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 
@@ -19,12 +19,7 @@ BALANCES = ("mass_residual", "work_residual", "momentum_residual", "remesh_mass_
 
 
 def consolidation_section(samples: Sequence[Sample], others: Sequence[Sample], how, notes: list[str]) -> tuple[pd.DataFrame, list[Picture]]:
-    measured = []
-    for sample in samples:
-        try:
-            measured.append(measure_consolidation(sample, others))
-        except NotObserved as error:
-            notes.append(f"{sample.name}: {error}")
+    measured = _measured(measure_consolidation, samples, others, notes)
     rows = [{
         "run": one.sample.name, "split": one.sample.case["flow"]["split"], "interval_steps": one.sample.case["flow"]["interval_steps"],
         "oedometric_modulus_Pa": one.stiffness, "permeability_m2": one.permeability, "c_v_m2_per_s": one.diffusivity,
@@ -34,12 +29,7 @@ def consolidation_section(samples: Sequence[Sample], others: Sequence[Sample], h
 
 
 def undrained_section(samples: Sequence[Sample], others: Sequence[Sample], how, notes: list[str]) -> tuple[pd.DataFrame, list[Picture]]:
-    measured = []
-    for sample in samples:
-        try:
-            measured.append(measure_undrained(sample, others))
-        except NotObserved as error:
-            notes.append(f"{sample.name}: {error}")
+    measured = _measured(measure_undrained, samples, others, notes)
     rows = [{"run": one.sample.name, "load": one.words, "modulus_Pa": one.modulus, "storage_per_Pa": one.sample.storage, "share": one.measured,
              "predicted": one.predicted, "difference": one.measured / one.predicted - 1.0} for one in measured]
     return pd.DataFrame(rows), [undrained_paths(measured, *how)] if measured else []
@@ -47,6 +37,17 @@ def undrained_section(samples: Sequence[Sample], others: Sequence[Sample], how, 
 
 def darcy_section(samples: Sequence[Sample], others: Sequence[Sample], how, notes: list[str]) -> tuple[pd.DataFrame, list[Picture]]:
     return pd.DataFrame([darcy_row(sample) for sample in samples]), [towards_steady(samples, *how)] if samples else []
+
+
+def _measured(measure: Callable, samples: Sequence[Sample], others: Sequence[Sample], notes: list[str]) -> list:
+    """What is measured of each sample; why one cannot be measured goes to the notes."""
+    found = []
+    for sample in samples:
+        try:
+            found.append(measure(sample, others))
+        except NotObserved as error:
+            notes.append(f"{sample.name}: {error}")
+    return found
 
 
 def driven(sample: Sample) -> bool:

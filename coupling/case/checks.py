@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]

@@ -15,7 +15,9 @@ from typing import Any
 import cattrs
 
 from coupling.case.checks import allowed_text, problems, toml_text
-from coupling.case.schema import DECKS, ENGINES, SCENES, SECTIONS, CaseFile, RunCase
+from coupling.case.run_case import CaseFile, RunCase
+from coupling.case.schema import DECKS, ENGINES, SCENES, SECTIONS
+from coupling.case.strict import number, strict_converter
 from coupling.errors import InputError
 
 _TOP = ("title", "scene", "engine", "decks_directory")
@@ -219,24 +221,14 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def _converter() -> cattrs.Converter:
-    """Strict structuring: no text taken for a number, no number for a truth value, no unknown key."""
-    converter = cattrs.Converter(forbid_extra_keys=True)
-
-    def number(value: Any, _: type) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ValueError
-        return float(value)
-
-    def exactly(value: Any, kind: type) -> Any:
-        if type(value) is not kind:
-            raise ValueError
-        return value
+    """With lists of numbers, and tables for decks."""
+    converter = strict_converter()
 
     def numbers(count: int) -> Any:
         def hook(value: Any, _: type) -> tuple[float, ...]:
             if not isinstance(value, list | tuple) or len(value) != count:
                 raise ValueError
-            return tuple(number(one, float) for one in value)
+            return tuple(number(one) for one in value)
 
         return hook
 
@@ -246,9 +238,6 @@ def _converter() -> cattrs.Converter:
             raise ValueError
         return dict(value)
 
-    converter.register_structure_hook(float, number)
-    for kind in (int, str, bool):
-        converter.register_structure_hook(kind, exactly)
     for kind, hook in (
         (tuple[float, float], numbers(2)),
         (tuple[float, float, float], numbers(3)),

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from coupling.case.schema import RunCase
+    from coupling.case.run_case import RunCase
 
 #: Contacts a grain in a dense pack under stress.
 COORDINATION = 6.0

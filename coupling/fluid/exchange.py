@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError

@@ -9,7 +9,8 @@ import numpy as np
 from flowsolver.flow import Boundary
 from flowsolver.network import PoreNetwork
 
-from coupling.case.schema import FACES, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import FACES
 from coupling.collective import raised_together
 from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.measures.pressure import beside_gouge

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.errors import ComputationError
 from coupling.scene.fault_geometry import FaultGeometry
 

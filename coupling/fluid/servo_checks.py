@@ -19,7 +19,7 @@ import numpy as np
 from flowsolver.flow import Boundary, PoreFlow
 from flowsolver.network import PoreNetwork
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.engine.interface import WallState
 from coupling.errors import InputError
 from coupling.fluid.two_way_checks import two_digits

@@ -10,7 +10,7 @@ from flowsolver.flow import Boundary, PoreFlow
 from flowsolver.network import PoreNetwork
 from flowsolver.two_way_limit import undrained_time_step
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.errors import InputError
 
 

@@ -19,7 +19,8 @@ from flowsolver.network import PoreNetwork
 from flowsolver.transfer import carry_pressure
 from flowsolver.two_way import TwoWayCoupling
 
-from coupling.case.schema import FACES, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import FACES
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.fluid.exchange import Dry

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.engine.interface import Engine
 from coupling.measures.pressure import BAND_DIAMETERS
 from coupling.scene.fault_geometry import GOUGE, LEFT, RIGHT, FaultGeometry

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.case.schema import FACES, PACK, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import FACES, PACK
 from coupling.engine.interface import Engine
 from coupling.measures.fault import inertial_number, loading_rate
 from coupling.scene.fault_geometry import FaultGeometry

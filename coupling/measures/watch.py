@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.scene.walls import SceneWalls

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError

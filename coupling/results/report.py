@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.engine.interface import Engine
 from coupling.loading import Ending, Loading
 from coupling.results.output import RunOutput

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.case.staggered_limit import layers_of
 from coupling.errors import ComputationError, InputError
 from coupling.stability.grain_limits import GROWN, PERTURBED, AtRest

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from coupling.case.files import load_case
-from coupling.case.schema import PACK, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import PACK
 from coupling.engine.liggghts import LiggghtsEngine
 from coupling.errors import ComputationError
 from coupling.stability.contact_spectrum import contacts_of, stable_time_step

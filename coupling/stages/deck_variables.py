@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from coupling.case.schema import PACK, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import PACK
 from coupling.scene.fault_geometry import LEFT, RIGHT, FaultGeometry
 from coupling.stages.pack import exchange_step, packing_friction
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.engine.interface import Engine
 from coupling.scene.walls import PACK, wall_positions
 from coupling.stages.balance import ids_in_contact, settle

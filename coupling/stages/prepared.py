@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from coupling import __version__
-from coupling.case.schema import RunCase
+from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError

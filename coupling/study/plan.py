@@ -16,7 +16,8 @@ from typing import Any
 
 from coupling import __version__
 from coupling.case.files import load_case, select_runs
-from coupling.case.schema import SECTIONS, RunCase
+from coupling.case.run_case import RunCase
+from coupling.case.schema import SECTIONS
 from coupling.errors import InputError
 from coupling.study.schema import Command, Study
 

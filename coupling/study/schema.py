@@ -20,6 +20,7 @@ from postproc.references import ANALYTIC
 
 from coupling.case.files import nearest
 from coupling.case.schema import SECTIONS
+from coupling.case.strict import exactly, number, strict_converter
 from coupling.errors import InputError
 
 #: A setting has at most this many parameters; those that are spread over come on top.
@@ -179,18 +180,8 @@ def _refuse_unknown(table: dict[str, Any], known: tuple[str, ...], section: str,
 
 
 def _converter() -> cattrs.Converter:
-    """Strict structuring: no text taken for a number, no number for a truth value."""
-    converter = cattrs.Converter(forbid_extra_keys=True)
-
-    def number(value: Any, _: type) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ValueError
-        return float(value)
-
-    def exactly(value: Any, kind: type) -> Any:
-        if type(value) is not kind:
-            raise ValueError
-        return value
+    """With lists, and tables of inputs."""
+    converter = strict_converter()
 
     def table(value: Any, _: type) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -207,14 +198,11 @@ def _converter() -> cattrs.Converter:
             raise ValueError
         return tuple(value)
 
-    converter.register_structure_hook(float, number)
-    for kind in (int, str, bool):
-        converter.register_structure_hook(kind, exactly)
     for kind, hook in ((dict[str, Any], table), (dict[str, dict[str, Any]], tables), (tuple[Any, ...], listed)):
         converter.register_structure_hook_func(lambda given, kind=kind: given == kind, hook)
     converter.register_structure_hook_func(
         lambda given: given == tuple[str, ...] | None, lambda value, _: tuple(exactly(one, str) for one in listed(value, tuple)))
-    converter.register_structure_hook_func(lambda given: given == float | None, lambda value, _: number(value, float))
+    converter.register_structure_hook_func(lambda given: given == float | None, lambda value, _: number(value))
     return converter
 
 
