@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.ticker as ticker
+from matplotlib.patheffects import withStroke
 
 from postproc.error_time import Point, pareto_front, short
 from postproc.figure_style import PAGE, Picture, plt, print_style, save
@@ -136,7 +137,9 @@ def _front(work, shown: Sequence[Point], named: str | None) -> None:
     work.plot(times, errors, color="0.8", linewidth=5, zorder=0.5, drawstyle="steps-post", solid_joinstyle="miter", label="Pareto front")
     for point in front:
         if named:
-            work.annotate(short(point.options[named]), (point.cpu_s, point.error), xytext=(5, 4), textcoords="offset points", fontsize=6.5)
+            # A rim of the paper's colour keeps it readable where lines cross it.
+            label = work.annotate(short(point.options[named]), (point.cpu_s, point.error), xytext=(6, 5), textcoords="offset points", fontsize=6.5, zorder=6)
+            label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
 
 
 def _tolerance(work, sweep, tolerance: float) -> None:
@@ -159,8 +162,8 @@ def _legend(figure, work, best: Sequence[Point], given: Sequence[str], others: S
     columns = max(1, min(len(names), 110 // (8 + max(map(len, names), default=0))))
     said = []
     if best:
-        chosen = ", ".join(f"{labels.get(key, key)} {short(value)}" for key, value in best[0].options.items())
-        said.append("ringed: recommended" + (" for each" if given else f", {chosen}"))
+        chosen = "; ".join(f"{labels.get(key, key)}: {short(value)}" for key, value in best[0].options.items())
+        said.append("ringed: recommended" + (" for each" if given else f" ({chosen})"))
     said += [", ".join(labels.get(key, key) for key in others)] if others else []
     legend = figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=7, title="\n".join(said) or None, title_fontsize=7.5)
     legend.get_title().set_multialignment("center")
