@@ -24,6 +24,7 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     """Do what the command line asks for; the report. Collective."""
     start, spent_before = time.perf_counter(), time.process_time()
     _check(a)
+    files.check_places(comm, a.pack, {"--json": a.json, "--history": a.history, "--forces": a.forces, "--vtu": a.vtu})
     grains = read_grains(comm, a.pack)
     box, periodic = _box(comm, a, grains)
     if a.dt is None and not (a.face or a.point or a.inflow or a.source or any(a.body_force)):
@@ -41,6 +42,9 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     void = comm.allreduce(float(network.pore_volume[network.owned].sum()))
     seconds["geometry"] = time.perf_counter() - clock
 
+    porosity = void / float((upper - lower).prod())
+    if not 0.0 < porosity <= 1.0:
+        raise InputError(f"the pack leaves {porosity:.6g} of the box to the fluid: its grains overlap more than pressed grains do")
     result, history, spent = _solve(a, network, flow)
     seconds |= spent
     owned, pressure = network.owned, result.pressure
@@ -54,7 +58,7 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
         "grains": counts["grains"],
         "pores": counts["pores"],
         "throats": counts["throats"],
-        "porosity": void / float((upper - lower).prod()),
+        "porosity": porosity,
         "permeability": _permeability(a, network, flow, result),
         "outflow": result.outflow,
         "mass_residual": result.mass_residual,
@@ -68,8 +72,9 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
         "peak_memory_bytes": comm.allreduce(_peak_memory()),
         "ranks": comm.size,
     }
-    _note(comm, counts["hidden_grains"], "grains lie inside others: they have no pore and feel no fluid")
-    _note(comm, result.report["isolated_pores"], "pores are cut off from every given pressure: they keep the pressure of the start, in the mean")
+    _note(comm, counts["hidden_grains"], "grain lies inside another: it has no pore and feels no fluid", "grains lie inside others: they have no pore and feel no fluid")
+    kept = "cut off from every given pressure: {} the pressure of the start, in the mean"
+    _note(comm, result.report["isolated_pores"], f"pore is {kept.format('it keeps')}", f"pores are {kept.format('they keep')}")
     if a.forces:
         files.write(comm, a.forces, files.forces_as_npz(wall_force[0]), grains.id, force)
     if a.vtu:
@@ -88,9 +93,9 @@ def _tell(comm: MPI.Comm, text: str) -> None:
         print(f"poreflow: {text}", file=sys.stderr, flush=True)
 
 
-def _note(comm: MPI.Comm, count: int, text: str) -> None:
+def _note(comm: MPI.Comm, count: int, one: str, several: str) -> None:
     if count:
-        _tell(comm, f"{count} {text}")
+        _tell(comm, f"{count} {one if count == 1 else several}")
 
 
 def _check(a: argparse.Namespace) -> None:

@@ -15,6 +15,30 @@ from numpy.typing import NDArray
 from flowsolver.network import InputError
 
 
+def check_places(comm: MPI.Comm, pack: Path, outputs: dict[str, Path | None]) -> None:
+    """Before anything is computed: whether the files of these options can be written, and overwrite neither the pack nor each other. Collective."""
+    fault, seen = "", {}
+    if comm.rank == 0:
+        for option, path in outputs.items():
+            if path is None:
+                continue
+            try:
+                where = path.resolve()
+                if where.is_dir() or not where.parent.is_dir():
+                    fault = f"{option} {path}: {'it is a directory' if where.is_dir() else f'there is no directory {path.parent}'}; give a file in one that exists"
+                elif where == pack.resolve():
+                    fault = f"{option} {path} would overwrite the pack"
+                elif where in seen:
+                    fault = f"{option} {path} would overwrite what {seen[where]} writes"
+                seen[where] = option
+            except (OSError, RuntimeError) as error:
+                fault = f"{option} {path}: {error}"
+            if fault:
+                break
+    if fault := comm.bcast(fault):
+        raise InputError(fault)
+
+
 def write(comm: MPI.Comm, path: Path, writer: Callable[[Path], Any], *columns: NDArray) -> None:
     """Have rank 0 write a file; `writer` gets the path and the ranks' parts of each column, put together. Collective."""
     whole = [np.concatenate(parts) if (parts := comm.gather(column)) else None for column in columns]
@@ -23,7 +47,7 @@ def write(comm: MPI.Comm, path: Path, writer: Callable[[Path], Any], *columns: N
         try:
             writer(path, *whole)
         except (OSError, ValueError) as error:
-            fault = f"cannot write {path}: {error}"
+            fault = f"cannot write {path}: {getattr(error, 'strerror', None) or error}"
     if fault := comm.bcast(fault):
         raise InputError(fault)
 

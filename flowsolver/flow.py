@@ -15,7 +15,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from flowsolver.native import load
-from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ForceLaw, PoreNetwork, checked_array
+from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ComputationError, ForceLaw, PoreNetwork, checked_array
 
 # A rank is one thread. PETSc's vector operations would start others, which wait for work by spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -35,6 +35,10 @@ PETSC_PREFIX = "flow_"
 """What the names of the linear solver's options begin with, after their dash."""
 ROUNDING = 4e-16
 """Relative, of a pressure."""
+LEAST_BALANCE, SMALLEST_FLOW = 1e-3, 1e-140
+"""The share of the throughput that must not be missing; and the throughput, m^3/s, below which squares of flows are no numbers any more."""
+LEAST_BALANCE = 1e-3
+"""A share of the throughput that must not be missing."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
 PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
@@ -73,8 +77,8 @@ class FlowResult:
     outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together, "inside" for
         the pores with a pressure given inside
     mass_residual : inflow - outflow - storage - volume rate of all free pores together, as a share of the throughput: of what given pressures,
-        sources, volume rates and storage bring in and take out. Where that is below what the tolerance leaves open nothing flows, and it is a
-        share of what pressures and body force would drive through all throats one by one. None for `explicit`
+        sources, volume rates and storage bring in and take out. Where that is below what tolerance and rounding leave open nothing flows, and it
+        is a share of conductance times pressure, summed over all throats. None for `explicit`
     pore_residual : the same of each pore, the sum of the sizes: what the linear solver's tolerance leaves; None for `explicit`
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
         imbalance (m^3/s, of all free pores together, that one shift of their pressures has closed), substeps, and this rank's seconds {assemble,
@@ -271,8 +275,14 @@ class PoreFlow:
         """A solve's result. after, flowing: (m,) Pa, at the end and those that the fluid flowed by; change: (m,) Pa/s, over the step, None: steady."""
         supply, missing, of_each, throughput = self._balance(conditions, flowing, change)
         if missing > tolerance * throughput:
-            driven, rounding = self._driven(flowing, change)
-            throughput = max(throughput, driven + rounding)
+            driven, whole = self._driven(flowing, change)
+            if throughput <= tolerance * driven + ROUNDING * whole:
+                throughput = whole
+        if of_each > max(LEAST_BALANCE, 10 * tolerance) * throughput and throughput < SMALLEST_FLOW:
+            raise ComputationError(
+                f"{of_each:g} m^3/s of a throughput of {throughput:g} m^3/s are missing: flows are too small for the computer's numbers; look at the units of "
+                "viscosity, pressures and box"
+            )
         missing, of_each = (missing / throughput, of_each / throughput) if throughput > 0 else (0.0, 0.0)
         return FlowResult(after, self._outflow(boundary, conditions[1], supply), missing, report, rate, of_each)
 
@@ -303,13 +313,14 @@ class PoreFlow:
         return supply, abs(float(sums[0])), float(sums[1]), float(sums[2])
 
     def _driven(self, pressure: NDArray[np.float64], change: NDArray | None) -> tuple[float, float]:
-        """What differences of pressure and body force would drive through all throats one by one, and the rounding of pressures as a flow,
-        m^3/s over all ranks."""
+        """Flows through all throats one by one, m^3/s over all ranks: that differences of pressure and body force would drive, and that
+        pressures, body force and storage would if nothing stood against them."""
         left, right, step = self._owned_throats()
         size = np.abs(pressure[left]) + np.abs(pressure[right])
+        head = np.abs(step @ self.body_force)
         stored = self.storage @ np.abs(change) if change is not None else 0.0
-        driven = self.conductance @ (np.abs(pressure[left] - pressure[right]) + np.abs(step @ self.body_force))
-        sums = np.array([driven, ROUNDING * (self.conductance @ size + stored)])
+        driven = self.conductance @ (np.abs(pressure[left] - pressure[right]) + head)
+        sums = np.array([driven, self.conductance @ (size + head) + stored])
         self.network.comm.Allreduce(MPI.IN_PLACE, sums)
         return float(sums[0]), float(sums[1])
 

@@ -80,6 +80,10 @@ def _read_dump(comm: MPI.Comm, path: Path, size: int, start: bytes) -> Grains:
     if found != header.count:
         said = f"ends after {found} of {header.count} grains" if found < header.count else f"has {found} lines for {header.count} grains in its last step"
         raise InputError(f"{path} {said}; dump it anew")
+    wrong = rows[:, 0][~(np.abs(rows[:, 0]) < 2.0**53) | (rows[:, 0] % 1 != 0)]
+    for number in comm.allgather(float(wrong[0]) if len(wrong) else None):
+        if number is not None:
+            raise InputError(f"{path}: a grain has id {number:g}: expected whole numbers")
     return Grains(rows[:, 0].astype(np.int64), rows[:, 1:4], rows[:, 4], header.box, header.boundary)
 
 

@@ -1,12 +1,20 @@
 #include "flow/conductance.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "flow/hydraulic_radius.hpp"
 #include "geometry/cells.hpp"
 
 namespace poreslip::flow {
+namespace {
+
+// Rounding of a perimeter, of the root of the facet's area.
+constexpr double least_perimeter = 1e-12;
+
+}  // namespace
 
 Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
                      const double* body_force) {
@@ -27,9 +35,11 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
       const double area = std::max({s.open_area[f], least, 0.0});
       double c = 0.0;
       if (law == ConductanceLaw::duct) {
-        // Overlaps can leave no perimeter; then there is no throat.
-        if (area > 0.0 && s.perimeter[f] > 0.0)
-          c = geometry::duct_conductance(area, s.perimeter[f], fluid.viscosity) / s.length[f];
+        // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
+        // shape has less than a circle.
+        const double perimeter = std::max(s.perimeter[f], std::sqrt(4.0 * std::numbers::pi * std::max(area, 0.0)));
+        if (area > 0.0 && s.perimeter[f] > least_perimeter * std::sqrt(s.facet_area[f]))
+          c = geometry::duct_conductance(area, perimeter, fluid.viscosity) / s.length[f];
       } else {
         const ThroatBody body = throat_body(mesh, network.view(), f);
         if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)

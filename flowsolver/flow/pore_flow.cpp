@@ -16,6 +16,12 @@ constexpr double rounding = 4e-16;
 
 double elapsed(double since) { return MPI_Wtime() - since; }
 
+std::string number_text(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
 }  // namespace
 
 PoreFlow::PoreFlow(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
@@ -154,17 +160,22 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   if (linear.reason <= 0) {
     // The pore with the largest imbalance, on the rank that has it.
     const auto [largest, worst] = solver_.worst_row();
+    const bool overflown = linear.reason == KSP_DIVERGED_NANORINF;
+    // Where not a number is to be compared, no row is the worst: then it is everybody's.
+    const bool here = worst >= first_row_ && worst < first_row_ + static_cast<PetscInt>(free_.size());
     std::string fault;
-    if (worst >= first_row_ && worst < first_row_ + static_cast<PetscInt>(free_.size())) {
+    if (here || overflown) {
+      char text[400] = "";
       std::vector<double> centre(3 * n);
       network_.pore_centre(centre.data());
-      const double* p = &centre[3 * free_[worst - first_row_]];
-      char text[320];
-      std::snprintf(text, sizeof text,
-                    "the linear solver did not converge (%s) after %d iterations: residual %g, worst pore at (%.9g, %.9g, %.9g) m "
-                    "out of balance by %g m^3/s; allow more iterations (-flow_ksp_max_it) or a larger tolerance",
-                    KSPConvergedReasons[linear.reason], report.iterations, report.residual, p[0], p[1], p[2], largest);
-      fault = text;
+      if (here) {
+        const double* p = &centre[3 * free_[worst - first_row_]];
+        std::snprintf(text, sizeof text, ", worst pore at (%.9g, %.9g, %.9g) m out of balance by %g m^3/s", p[0], p[1], p[2], largest);
+      }
+      fault = "the linear solver did not converge (" + std::string(KSPConvergedReasons[linear.reason]) + ") after " +
+              std::to_string(report.iterations) + " iterations: residual " + number_text(report.residual) + (overflown ? "" : text) +
+              (overflown ? "; flows are too large for the computer's numbers: look at the units of viscosity, pressures and box"
+                         : "; allow more iterations (-flow_ksp_max_it) or a larger tolerance");
     }
     agree_on_computation(comm_, fault);
   }

@@ -17,6 +17,9 @@ namespace {
   return buffer;
 }
 
+// Of the box's length, for a grain's diameter: one that reaches from wall to wall may overlap both as pressed grains do.
+constexpr double most_of_box = 1.1;
+
 constexpr const char* wall_name[6] = {"x low", "x high", "y low", "y high", "z low", "z high"};
 constexpr char axis_name[3] = {'x', 'y', 'z'};
 
@@ -51,6 +54,13 @@ std::string check_grains(const GrainInput& input, const Domain& domain) {
       return text("grain %lld has position (%g, %g, %g): positions must be finite numbers in m", id, x[0], x[1], x[2]);
     if (!std::isfinite(input.radius[i]) || !(input.radius[i] > 0.0))
       return text("grain %lld has radius %g m: radii must be finite and positive", id, input.radius[i]);
+    for (int d = 0; d < 3; ++d) {
+      const std::int32_t g = input.group && input.group[i] >= 0 && static_cast<std::size_t>(input.group[i]) < input.groups ? input.group[i] : 0;
+      const double* plane = input.wall_position + 6 * g + 2 * d;
+      const double length = domain.periodic[d] ? domain.upper[d] - domain.lower[d] : plane[1] - plane[0];
+      if (2.0 * input.radius[i] > most_of_box * length)
+        return text("grain %lld has radius %g m: it is too big for the box, which is %g m long in %c", id, input.radius[i], length, axis_name[d]);
+    }
     const std::int32_t group = input.group ? input.group[i] : 0;
     if (group < 0 || static_cast<std::size_t>(group) >= input.groups)
       return text("grain %lld is of group %d: wall_position has rows 0 to %zu", id, group, input.groups - 1);

@@ -239,7 +239,25 @@ REFUSED = {
     "tilted dump": (["TILTED"], "its box is tilted"),
     "dump without radius": (["BARE"], "has no column radius: expected a dump custom with id x y z radius, has id x y z"),
     "face of a dump's period": (["WRAPPED", *DRIVEN], "face 'ymin' is periodic"),
-    "nowhere to write": (["PACK", *BOX, *DRIVEN, "--json", "/no/such/place/out.json"], "cannot write"),
+    "nowhere to write": (["PACK", *BOX, *DRIVEN, "--json", "/no/such/place/out.json"], "--json /no/such/place/out.json: there is no directory /no/such/place"),
+    "onto a directory": (["PACK", *BOX, *DRIVEN, "--vtu", "/"], "--vtu /: it is a directory"),
+    "onto the pack": (["PACK", *BOX, *DRIVEN, "--forces", "PACK"], "--forces .* would overwrite the pack"),
+    "onto each other": (["PACK", *BOX, *DRIVEN, "--forces", "a", "--vtu", "./a"], "--vtu a would overwrite what --forces writes"),
+    "too big": (["BIG", *BOX, *DRIVEN], "grain 7 has radius 2 m: it is too big for the box"),
+    "no void": (["PRESSED", *BOX, *DRIVEN], "the pack leaves .* of the box to the fluid"),
+    "code": (["PACK", *BOX, "--face", "xmin=__import__('os').abort()"], "as a formula may hold only numbers"),
+    "attribute": (["PACK", *BOX, "--face", "xmin=x.__class__"], "as a formula may hold only numbers"),
+    "unknown function": (["PACK", *BOX, "--face", "xmin=open(x)"], "'open.x.' cannot be evaluated"),
+    "endless power": (["PACK", *BOX, "--face", "xmin=9**9**9**9"], "cannot be evaluated"),
+    "over all places": (["PACK", *BOX, "--face", "xmin=sum(x)"], "other ones on each rank"),
+    "complex": (["PACK", *BOX, "--face", "xmin=sqrt(-1+0*x)*1j"], "as a formula may hold only numbers"),
+    "endless formula": (["PACK", *BOX, "--face", f"xmin={'+'.join(['x'] * 5000)}"], "'x.x.x.*[.]{3}'"),
+    "pressure of some time": (["PACK", *BOX, "--face", "xmin=1/(t-1)", "--dt", "0.5", "--steps", "3"], "a given pressure is not a finite number"),
+    "sealed": (["PACK", *BOX, "--source", "0.5", "0.5", "0.5", "1e-6"], "the sources do not balance"),
+    "empty dump": (["NOBODY", *DRIVEN], "there are no grains"),
+    "same id": (["SAME", *DRIVEN], "id 3 occurs more than once"),
+    "no whole id": (["HALF_ID", *DRIVEN], "a grain has id 2.5: expected whole numbers"),
+    "no such id": (["NEGATIVE_ID", *DRIVEN], "id -3 is negative"),
 }
 
 
@@ -250,27 +268,33 @@ DUMPS = {
     "TILTED": (1, "xy xz yz pp pp pp", "id x y z radius"),
     "BARE": (1, "ff ff ff", "id x y z"),
     "WRAPPED": (1, "ff pp ff", "id x y z radius"),
+    "NOBODY": (0, "ff ff ff", "id x y z radius"),
+    "SAME": (2, "ff ff ff", "id x y z radius"),
+    "HALF_ID": (1, "ff ff ff", "id x y z radius"),
+    "NEGATIVE_ID": (1, "ff ff ff", "id x y z radius"),
 }
 
 
 def refused_files(directory: Path, pack: Path) -> dict[str, Path]:
     """The packs that REFUSED names, written to a directory."""
-    files = {name: directory / name.lower() for name in (*DUMPS, "SHORT", "WORDS", "BINARY", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE", "EMPTY")}
+    files = {name: directory / name.lower() for name in (*DUMPS, "SHORT", "WORDS", "BINARY", "NAN", "INFINITE", "ZERO", "NEGATIVE", "TWICE", "EMPTY", "BIG", "PRESSED")}
     files["SHORT"].write_text("1 2 3\n")
     files["EMPTY"].write_text("")
     files["WORDS"].write_text("grain here there\n")
     files["BINARY"].write_bytes(bytes(range(256)))
     for name, (count, bounds, columns) in DUMPS.items():
-        line = {"id": "1", "radius": ".1"}
+        line = {"id": {"SAME": "3", "NEGATIVE_ID": "-3", "HALF_ID": "2.5"}.get(name, "1"), "radius": ".1"}
         grain = " ".join(line.get(column, ".5") for column in columns.split())
+        grain = {"NOBODY": "", "SAME": f"{grain}\n{grain.replace(' .5', ' .2')}"}.get(name, grain)
         files[name].write_text(
             f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{count}\nITEM: BOX BOUNDS {bounds}\n0 1\n0 1\n0 1\nITEM: ATOMS {columns}\n{grain}\n"
         )
     sound = np.loadtxt(pack)
-    for name, column, value in (("NAN", 1, np.nan), ("INFINITE", 0, np.inf), ("ZERO", 3, 0.0), ("NEGATIVE", 3, -0.01), ("TWICE", slice(0, 3), sound[400, :3])):
+    for name, column, value in (("NAN", 1, np.nan), ("INFINITE", 0, np.inf), ("ZERO", 3, 0.0), ("BIG", 3, 2.0), ("NEGATIVE", 3, -0.01), ("TWICE", slice(0, 3), sound[400, :3])):
         spheres = sound.copy()
         spheres[7, column] = value
         np.savetxt(files[name], spheres, fmt="%.17g")
+    np.savetxt(files["PRESSED"], sound * [1, 1, 1, 2], fmt="%.17g")
     return files | {"PACK": pack}
 
 
