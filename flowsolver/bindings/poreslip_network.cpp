@@ -29,15 +29,15 @@ template <class T>
 Out<T> new_array(std::initializer_list<std::size_t> shape) {
   std::size_t size = 1;
   for (const std::size_t s : shape) size *= s;
-  T* data = new T[size]();
+  T* data = new T[size];
   nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
   return Out<T>(data, shape, owner);
 }
 
-Out<double> to_array(const std::vector<double>& values) {
-  auto out = new_array<double>({values.size()});
-  std::copy(values.begin(), values.end(), out.data());
-  return out;
+Out<double> to_array(std::vector<double> values) {
+  auto* kept = new std::vector<double>(std::move(values));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+  return Out<double>(kept->data(), {kept->size()}, owner);
 }
 
 }  // namespace
@@ -152,12 +152,12 @@ NB_MODULE(poreslip_network, m) {
       .def(
           "throat_sections",
           [](PoreNetwork& self) {
-            const ThroatSections s = self.throat_sections();
+            ThroatSections s = self.throat_sections();
             nb::dict out;
-            out["facet_area"] = to_array(s.facet_area);
-            out["open_area"] = to_array(s.open_area);
-            out["perimeter"] = to_array(s.perimeter);
-            out["length"] = to_array(s.length);
+            out["facet_area"] = to_array(std::move(s.facet_area));
+            out["open_area"] = to_array(std::move(s.open_area));
+            out["perimeter"] = to_array(std::move(s.perimeter));
+            out["length"] = to_array(std::move(s.length));
             return out;
           },
           "dict of (f,) float64, local: facet_area m^2, open_area m^2 (before any limiter), perimeter m (arcs and gaps), "

@@ -77,13 +77,33 @@ void for_each_triangle_block(const FacetView& facets, const GrainView& grains, V
   }
 }
 
+using Four [[gnu::vector_size(32)]] = double;
+using UnalignedFour [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
+
+// Four columns of three, turned into four rows; their last component is 0.
+inline std::array<Four, 4> rows_of(const double* x, const double* y, const double* z) {
+  const Four a = reinterpret_cast<const UnalignedFour&>(*x), b = reinterpret_cast<const UnalignedFour&>(*y),
+             c = reinterpret_cast<const UnalignedFour&>(*z), none{};
+  const Four ab_even = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab_odd = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+  const Four c_even = __builtin_shufflevector(c, none, 0, 4, 2, 6), c_odd = __builtin_shufflevector(c, none, 1, 5, 3, 7);
+  return {__builtin_shufflevector(ab_even, c_even, 0, 1, 4, 5), __builtin_shufflevector(ab_odd, c_odd, 0, 1, 4, 5),
+          __builtin_shufflevector(ab_even, c_even, 2, 3, 6, 7), __builtin_shufflevector(ab_odd, c_odd, 2, 3, 6, 7)};
+}
+
+// The differences of values left and right of facets. Built by fours: compilers would gather, which processors do slowly.
+inline void differences(const double* value, const std::int32_t* left, const std::int32_t* right, std::size_t count, double* difference) {
+  const auto four = [value](const std::int32_t* c) { return Four{value[c[0]], value[c[1]], value[c[2]], value[c[3]]}; };
+  std::size_t f = 0;
+  for (; f + 4 <= count; f += 4) reinterpret_cast<UnalignedFour&>(difference[f]) = four(left + f) - four(right + f);
+  for (; f < count; ++f) difference[f] = value[left[f]] - value[right[f]];
+}
+
 template <ForceLaw law>
 void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
-  alignas(64) double part[9][block_size], difference[block_size];
+  alignas(64) double share[3][block_size], normal[3][block_size], difference[block_size];
   for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
     const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
-    const std::int32_t *left = facets.left + first, *right = facets.right + first;
-    for (std::size_t f = 0; f < count; ++f) difference[f] = pressure[left[f]] - pressure[right[f]];
+    differences(pressure, facets.left + first, facets.right + first, count, difference);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
       const Triangle t = triangle(at, f);
@@ -91,20 +111,25 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
       const Shares s = law == ForceLaw::total ? triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, ra, rb, rc)
                                               : triangle_pressure(t.area2, t.lab, t.lac, t.ab_ac, ra, rb, rc);
       const double scale = difference[f] / t.area2;
-      const double sa = s.a * scale, sb = s.b * scale, sc = s.c * scale;
-      part[0][f] = sa * t.nx; part[1][f] = sa * t.ny; part[2][f] = sa * t.nz;
-      part[3][f] = sb * t.nx; part[4][f] = sb * t.ny; part[5][f] = sb * t.nz;
-      part[6][f] = sc * t.nx; part[7][f] = sc * t.ny; part[8][f] = sc * t.nz;
+      share[0][f] = s.a * scale;
+      share[1][f] = s.b * scale;
+      share[2][f] = s.c * scale;
+      normal[0][f] = t.nx;
+      normal[1][f] = t.ny;
+      normal[2][f] = t.nz;
     }
-    for (std::size_t f = 0; f < count; ++f) {
-      double *a = force + 4 * static_cast<std::size_t>(va[f]), *b = force + 4 * static_cast<std::size_t>(vb[f]),
-             *c = force + 4 * static_cast<std::size_t>(vc[f]);
-      for (int d = 0; d < 3; ++d) {
-        a[d] += part[d][f];
-        b[d] += part[3 + d][f];
-        c[d] += part[6 + d][f];
-      }
+    const auto add = [&](std::size_t f, const Four& n) {
+      const auto to = [force](Vertex v) -> UnalignedFour& { return reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(v)]); };
+      to(va[f]) += share[0][f] * n;
+      to(vb[f]) += share[1][f] * n;
+      to(vc[f]) += share[2][f] * n;
+    };
+    std::size_t f = 0;
+    for (; f + 4 <= count; f += 4) {
+      const std::array<Four, 4> n = rows_of(&normal[0][f], &normal[1][f], &normal[2][f]);
+      for (std::size_t i = 0; i < 4; ++i) add(f + i, n[i]);
     }
+    for (; f < count; ++f) add(f, Four{normal[0][f], normal[1][f], normal[2][f], 0.0});
   });
 }
 
@@ -262,6 +287,28 @@ void add_volume_rates(const FacetView& facets, const GrainView& grains, const do
       volume += s.share[k] * (s.normal[0] * vx[g] + s.normal[1] * vy[g] + s.normal[2] * vz[g]);
     }
     hand_over(f, volume);
+  }
+}
+
+void throat_lengths(const FacetView& facets, const double* centre, double* length) {
+  const auto apart = [&](std::size_t f) {
+    const auto row = [centre](std::int32_t c) { return reinterpret_cast<const UnalignedFour&>(centre[3 * static_cast<std::size_t>(c)]); };
+    return Four(row(facets.right[f]) - row(facets.left[f]));
+  };
+  const auto squares = [](const Four& d) { return d * d; };
+  std::size_t f = 0;
+  for (; f + 4 <= facets.size(); f += 4) {
+    const Four a = squares(apart(f)), b = squares(apart(f + 1)), c = squares(apart(f + 2)), d = squares(apart(f + 3));
+    const Four ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab_y = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    const Four cd = __builtin_shufflevector(c, d, 0, 4, 2, 6), cd_y = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    const Four sum = __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7) +
+                     __builtin_shufflevector(ab_y, cd_y, 0, 1, 4, 5);
+#pragma omp simd
+    for (std::size_t i = 0; i < 4; ++i) length[f + i] = std::sqrt(sum[i]);
+  }
+  for (; f < facets.size(); ++f) {
+    const Four d = squares(apart(f));
+    length[f] = std::sqrt(d[0] + d[1] + d[2]);
   }
 }
 

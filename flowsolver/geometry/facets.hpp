@@ -39,6 +39,9 @@ std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView
 void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
                      double* perimeter);
 
+// Distance between the centroids of each facet's cells, m. centre (pores, 3) and one entry more. Out: length (facets).
+void throat_lengths(const FacetView& facets, const double* centre, double* length);
+
 // Conductance of a throat, (6): C = 3 A^3 / (5 viscosity P^2), m^4 / (Pa s). The flow is q = C (p_i - p_j) / l.
 inline double duct_conductance(double open_area, double perimeter, double viscosity) {
   return 3.0 * open_area * open_area * open_area / (5.0 * viscosity * perimeter * perimeter);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "geometry/cells.hpp"
 #include "network/copies_agree.hpp"
@@ -25,6 +26,18 @@ constexpr double halo_radii = 6.0;
 
 // Beyond this share of violated facets, flips cost more than a new triangulation.
 constexpr std::int64_t repair_one_in = 20;
+
+// Whether no value is infinite or not a number: those have all bits of the exponent set.
+bool all_finite(const double* value, std::size_t count) {
+  constexpr std::uint64_t exponent = std::uint64_t{0x7ff} << 52;
+  std::uint64_t bad = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::uint64_t bits;
+    std::memcpy(&bits, value + k, sizeof bits);
+    bad |= (bits & exponent) == exponent;
+  }
+  return bad == 0;
+}
 
 // A grain this share of a period outside the box is put back in; nearer ones stay where the DEM engine has them.
 constexpr double wrap_margin = 0.25;
@@ -285,14 +298,9 @@ void PoreNetwork::refresh_local_grains() {
 
 void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double* force, double* wall_force) {
   const Timer timer(report_.forces);
-  std::size_t bad = pores();
-  for (std::size_t c = 0; c < pores(); ++c)
-    if (!std::isfinite(pressure[c])) {
-      bad = c;
-      break;
-    }
   std::string fault;
-  if (bad < pores()) {
+  if (!all_finite(pressure, pores())) {
+    const std::size_t bad = std::find_if(pressure, pressure + pores(), [](double p) { return !std::isfinite(p); }) - pressure;
     char text[120];
     std::snprintf(text, sizeof text, "the pressure of pore %zu is %g Pa: pressures must be finite", bad, pressure[bad]);
     fault = text;

@@ -1,4 +1,5 @@
 // What is asked of a pore network's present mesh: places, volumes, sections, ids and counts.
+#include <algorithm>
 #include <cmath>
 
 #include "geometry/cells.hpp"
@@ -68,13 +69,9 @@ ThroatSections PoreNetwork::throat_sections() {
   for (auto* v : {&s.facet_area, &s.open_area, &s.perimeter, &s.length}) v->resize(throats());
   const Timer timer(report_.geometry);
   geometry::throat_sections(mesh_.facet_view(), view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
-  std::vector<double> centre(3 * pores());
+  std::vector<double> centre(3 * pores() + 1);
   geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
-  for (std::size_t f = 0; f < throats(); ++f) {
-    const double *p = &centre[3 * mesh_.facet.left[f]], *q = &centre[3 * mesh_.facet.right[f]];
-    const double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
-    s.length[f] = std::sqrt(x * x + y * y + z * z);
-  }
+  geometry::throat_lengths(mesh_.facet_view(), centre.data(), s.length.data());
   return s;
 }
 
@@ -95,10 +92,15 @@ Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
 NetworkReport PoreNetwork::report() const {
   NetworkReport r = report_;
   std::array<std::int64_t, 3> count{static_cast<std::int64_t>(own_.size()), 0, 0};
-  for (std::size_t c = 0; c < mesh_.cells(); ++c) count[1] += mesh_.owned[c];
-  const auto owned_throat = std::make_unique<bool[]>(mesh_.facets());
-  owned_throats(owned_throat.get());
-  for (std::size_t f = 0; f < mesh_.facets(); ++f) count[2] += owned_throat[f];
+  if (halo_.grains().empty()) {
+    count[1] = static_cast<std::int64_t>(mesh_.cells());
+    count[2] = static_cast<std::int64_t>(mesh_.facets());
+  } else {
+    const auto owned_throat = std::make_unique<bool[]>(mesh_.facets());
+    owned_throats(owned_throat.get());
+    count[1] = std::count(owned(), owned() + mesh_.cells(), true);
+    count[2] = std::count(owned_throat.get(), owned_throat.get() + mesh_.facets(), true);
+  }
   MPI_Allreduce(MPI_IN_PLACE, count.data(), 3, MPI_INT64_T, MPI_SUM, comm_);
   r.grains = count[0];
   r.pores = count[1];
