@@ -48,7 +48,7 @@ double prism_projection(const CellView& cells, const GrainView& grains, std::siz
 
 // Solid angle at the apex of three directions (Van Oosterom & Strackee 1983), by its half's tangent.
 inline double solid_angle(double determinant, double la, double lb, double lc, double ab, double bc, double ca) {
-  return 2.0 * std::atan2(determinant, la * lb * lc + ab * lc + bc * la + ca * lb);
+  return 2.0 * angle(determinant, la * lb * lc + ab * lc + bc * la + ca * lb);
 }
 
 inline double sphere_sector(double radius, double angle) { return angle * radius * radius * radius / 3.0; }
@@ -78,7 +78,7 @@ double solid_in_wall_cell(const CellView& cells, const GrainView& grains, std::s
       int q = p + 1;
       while (q == k || q == o) ++q;
       const Vector3 s = cross(edge, direction(grains, v[k], v[p])), t = cross(edge, direction(grains, v[k], v[q]));
-      solid -= lens * std::atan2(norm(cross(s, t)), dot(s, t));
+      solid -= lens * angle(norm(cross(s, t)), dot(s, t));
     }
   }
   return solid;

@@ -337,14 +337,14 @@ void throat_sections(const FacetView& facets, const GrainView& grains, double* f
   for (std::size_t f = facets.end[0]; f < facets.end[1]; ++f) {
     const Strip s = strip(facets, grains, f);
     const double ri = r[facets.vertex[0][f]], rj = r[facets.vertex[1][f]];
-    const double angle_i = std::atan2(s.width, s.rise), angle_j = std::numbers::pi - angle_i;
+    const double angle_i = angle(s.width, s.rise), angle_j = std::numbers::pi - angle_i;
     const HalfLens h = half_lens(ri, rj, s.edge);
     const double beyond_i = arc_half_angle(ri, s.gap_i), beyond_j = arc_half_angle(rj, s.gap_j);
     facet_area[f] = 0.5 * s.width * (s.gap_i + s.gap_j);
     open_area[f] = facet_area[f] - 0.5 * (ri * ri * angle_i + rj * rj * angle_j) + h.area + half_segment(ri, s.gap_i) +
                    half_segment(rj, s.gap_j);
     // On the wall's line the feet of the two grains' discs are solid.
-    const double line = s.width - ri * std::sin(beyond_i) - rj * std::sin(beyond_j);
+    const double line = s.width - half_chord(ri, s.gap_i) - half_chord(rj, s.gap_j);
     perimeter[f] = ri * (angle_i - beyond_i) + rj * (angle_j - beyond_j) - h.arcs + open_gap(s.edge - ri - rj) +
                    open_gap(s.gap_i - ri) + open_gap(s.gap_j - rj) + open_gap(line);
   }
@@ -355,7 +355,7 @@ void throat_sections(const FacetView& facets, const GrainView& grains, double* f
     facet_area[f] = g1 * g2;
     open_area[f] = g1 * g2 - 0.25 * std::numbers::pi * ri * ri + half_segment(ri, g1) + half_segment(ri, g2);
     perimeter[f] = ri * (0.5 * std::numbers::pi - beyond_1 - beyond_2) + open_gap(g1 - ri) + open_gap(g2 - ri) +
-                   open_gap(g2 - ri * std::sin(beyond_1)) + open_gap(g1 - ri * std::sin(beyond_2));
+                   open_gap(g2 - half_chord(ri, g1)) + open_gap(g1 - half_chord(ri, g2));
   }
 }
 
