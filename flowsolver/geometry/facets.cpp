@@ -156,14 +156,56 @@ Strip strip(const FacetView& facets, const GrainView& grains, std::size_t f) {
   return {(1.0 / width) * c, width, norm(e), dot(e, n), grains.gap(i, wall), grains.gap(j, wall)};
 }
 
-Shares strip_shares(const Strip& s, double ri, double rj, ForceLaw law) {
+template <ForceLaw law>
+inline Shares strip_shares(const Strip& s, double ri, double rj) {
   const double ti = half_tangent(s.width, s.edge, s.rise), tj = half_tangent(s.width, s.edge, -s.rise);
-  if (law == ForceLaw::pressure) return {ri * ri * std::atan(ti), rj * rj * std::atan(tj), 0.0};
+  if (law == ForceLaw::pressure) return {0.5 * ri * ri * angle(s.width, s.rise), 0.5 * rj * rj * angle(s.width, -s.rise), 0.0};
   // As for a triangle whose third vertex is infinitely far: the coordinates are those along the projected edge.
   const double exchange = (cube(ri) * ti - cube(rj) * tj) / (3.0 * s.edge) +
                           (lens_over_two_pi(ri, rj, s.edge) * s.rise / s.edge + 0.5 * cap_over_pi(rj, s.gap_j) -
                            0.5 * cap_over_pi(ri, s.gap_i)) / s.width;
   return {s.width * (2.0 * s.gap_i + s.gap_j) / 6.0 + exchange, s.width * (s.gap_i + 2.0 * s.gap_j) / 6.0 - exchange, 0.0};
+}
+
+template <ForceLaw law>
+void add_strip_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
+  alignas(64) double edge[3][block_size], towards[3][block_size], radius[2][block_size], gap[2][block_size];
+  alignas(64) double share[2][block_size], normal[3][block_size], difference[block_size];
+  for (std::size_t first = facets.end[0]; first < facets.end[1]; first += block_size) {
+    const std::size_t count = std::min(block_size, facets.end[1] - first);
+    const Vertex *vi = facets.vertex[0] + first, *vj = facets.vertex[1] + first;
+    for (std::size_t f = 0; f < count; ++f) {
+      const PackedGrain &i = grains.packed[vi[f]], &j = grains.packed[vj[f]];
+      const int wall = wall_of(facets.vertex[2][first + f]);
+      edge[0][f] = j.x - i.x;
+      edge[1][f] = j.y - i.y;
+      edge[2][f] = j.z - i.z;
+      for (int d = 0; d < 3; ++d) towards[d][f] = d == wall_axis(wall) ? wall_sign(wall) : 0.0;
+      radius[0][f] = i.radius;
+      radius[1][f] = j.radius;
+      gap[0][f] = grains.gap(vi[f], wall);
+      gap[1][f] = grains.gap(vj[f], wall);
+    }
+    differences(pressure, facets.left + first, facets.right + first, count, difference);
+#pragma omp simd
+    for (std::size_t f = 0; f < count; ++f) {
+      const double ex = edge[0][f], ey = edge[1][f], ez = edge[2][f], nx = towards[0][f], ny = towards[1][f], nz = towards[2][f];
+      const double cx = ey * nz - ez * ny, cy = ez * nx - ex * nz, cz = ex * ny - ey * nx, width = std::sqrt(cx * cx + cy * cy + cz * cz);
+      const Strip s{{}, width, std::sqrt(ex * ex + ey * ey + ez * ez), ex * nx + ey * ny + ez * nz, gap[0][f], gap[1][f]};
+      const Shares shares = strip_shares<law>(s, radius[0][f], radius[1][f]);
+      const double scale = difference[f] / width;
+      share[0][f] = shares.a * scale;
+      share[1][f] = shares.b * scale;
+      normal[0][f] = cx;
+      normal[1][f] = cy;
+      normal[2][f] = cz;
+    }
+    for (std::size_t f = 0; f < count; ++f) {
+      const Four n{normal[0][f], normal[1][f], normal[2][f], 0.0};
+      reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(vi[f])]) += share[0][f] * n;
+      reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(vj[f])]) += share[1][f] * n;
+    }
+  }
 }
 
 // A chord at distance d from a disc's centre: half its length, half the angle of its arc, and half the area of the segment
@@ -220,7 +262,8 @@ FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::
   }
   if (f < facets.end[1]) {
     const Strip s = strip(facets, grains, f);
-    const Shares shares = strip_shares(s, grains.radius[a], grains.radius[b], law);
+    const double ra = grains.radius[a], rb = grains.radius[b];
+    const Shares shares = law == ForceLaw::total ? strip_shares<ForceLaw::total>(s, ra, rb) : strip_shares<ForceLaw::pressure>(s, ra, rb);
     return {{shares.a, shares.b, 0.0}, s.normal};
   }
   const Vector3 n = cross(wall_normal(wall_of(b)), wall_normal(wall_of(c)));
@@ -245,18 +288,18 @@ std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView
 
 void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law,
                       double* force) {
-  if (law == ForceLaw::total)
+  if (law == ForceLaw::total) {
     add_triangle_forces<ForceLaw::total>(facets, grains, pressure, force);
-  else
+    add_strip_forces<ForceLaw::total>(facets, grains, pressure, force);
+  } else {
     add_triangle_forces<ForceLaw::pressure>(facets, grains, pressure, force);
-  for (std::size_t f = facets.end[0]; f < facets.size(); ++f) {
+    add_strip_forces<ForceLaw::pressure>(facets, grains, pressure, force);
+  }
+  for (std::size_t f = facets.end[1]; f < facets.size(); ++f) {
     const FacetShares s = facet_shares(facets, grains, f, law);
     const double difference = pressure[facets.left[f]] - pressure[facets.right[f]];
-    const int count = f < facets.end[1] ? 2 : 1;
-    for (int k = 0; k < count; ++k) {
-      const std::size_t g = facets.vertex[k][f];
-      for (int d = 0; d < 3; ++d) force[4 * g + d] += difference * s.share[k] * s.normal[d];
-    }
+    const std::size_t g = facets.vertex[0][f];
+    for (int d = 0; d < 3; ++d) force[4 * g + d] += difference * s.share[0] * s.normal[d];
   }
 }
 

@@ -101,15 +101,19 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
 // to those of the mesh to come.
 void PoreNetwork::leave_behind() {
   std::vector<double> cell(pores()), volume(pores());
-  std::vector<std::int64_t> grains(4 * pores());
   volumes(cell.data(), volume.data());
-  grains_of_pore(grains.data());
-  previous_ = {};
-  for (std::size_t c = 0; c < pores(); ++c) {
+  const std::size_t owned = std::count(mesh_.owned.get(), mesh_.owned.get() + pores(), true);
+  previous_.grains.resize(4 * owned);
+  previous_.volume.resize(owned);
+  previous_.index.resize(owned);
+  for (std::size_t c = 0, k = 0; c < pores(); ++c) {
     if (!mesh_.owned[c]) continue;
-    previous_.grains.insert(previous_.grains.end(), &grains[4 * c], &grains[4 * c] + 4);
-    previous_.volume.push_back(volume[c]);
-    previous_.index.push_back(static_cast<std::int32_t>(c));
+    for (int i = 0; i < 4; ++i) {
+      const Vertex v = mesh_.cell_vertex[i][c];
+      previous_.grains[4 * k + i] = is_wall(v) ? v : local_.id[v];
+    }
+    previous_.volume[k] = volume[c];
+    previous_.index[k++] = static_cast<std::int32_t>(c);
   }
 }
 
