@@ -214,10 +214,10 @@ def slipped(ran: Ran) -> tuple[bool, str]:
     return abs(stress / 4e7 - 1.0) < 0.1, f"x wall bears {stress / 4e7:.3f} of its load, slip {1e6 * slip:.2g} um, energy gain {gain:.1e}"
 
 
-def flowing(case: str, figure, split: str, factor: float, decks: dict[str, str] | None = None):
+def flowing(case: str, figure, split: str, factor: float, decks: dict[str, str] | None = None, extra: tuple[str, ...] = ()):
     """Act: a fault with pressure on its left and a flow that is solved two-way; factor: times water's compressibility."""
     wet = case.replace('pressure.mode = "none"', 'pressure.left_target_Pa = 1e7\nflow.kind = "solve"\nflow.interval_steps = 10')
-    settings = (f'flow.split="{split}"', f"fluid.compressibility_per_Pa={factor * WATER}")
+    settings = (f'flow.split="{split}"', f"fluid.compressibility_per_Pa={factor * WATER}", *extra)
     return lambda directory: judged(run(directory, wet, *settings, decks=decks), figure)
 
 
@@ -269,6 +269,8 @@ def scenes() -> list[Scene]:
         for factor, expected in ((1.0, STABLE), (1e-3, REFUSED if split != "staggered" else STABLE)):
             what = f"fault with flow between its blocks, {split} split, {factor:g} times water's compressibility"
             found.append(Scene(f"coupling/fault/{split}/{factor:g}", what, (expected,), flowing(FAULT, sheared, split, factor)))
+    found.append(Scene("coupling/fault/plates", "fault with flow, 0.01 times water's compressibility, at a step that it bears: the plates' servos do not", (REFUSED,),
+                       flowing(FAULT, sheared, "undrained", 1e-2, extra=("loading.time_step_fraction=0.2",))))
     found.append(Scene("coupling/supplement", "upright fault under shear stress, undrained split", (STABLE,), flowing(UPRIGHT, slipped, "undrained", 1.0)))
     found.append(Scene("coupling/supplement/step_of_deck", "the same with a step of twice the limit, set in a deck", (STOPPED,),
                        flowing(UPRIGHT, slipped, "staggered", 1.0, {"in.load_supplement": "timestep 2.1e-7"})))

@@ -54,10 +54,12 @@ def page(lines: list[Line], ranks: int = 1) -> str:
         "Stiff and extreme scenes, each carried out by the program's own parts in a process of its own, made by", "",
         "    ./poreslip stability" + (f" --ranks {ranks}" if ranks > 1 else ""), "",
         f"by revision {revision()}.", "",
-        "*stable*: came to its end, and is sound by the figure beside it. *refused*: caught before the first step. *stopped*: caught in the run. Each with",
-        "the message that a user reads; *warned*: told of in the run's report. *failed* would be a crash, a hang, or a wrong answer without a word.", "",
-        "What catches: beforehand time_step_limit.py and staggered_limit.py of coupling/case, two_way_checks.py and servo_checks.py of coupling/fluid; in the run",
-        "coupling/measures/watch.py, with each line of the history: finite numbers, overlaps below 0.2 d, no grain through a wall, and no energy that the work of walls and fluid does not account for.", "",
+        "*stable*: came to its end, and is sound by the figure beside it. *refused*: caught before the first step. *stopped*: caught in the run. Each",
+        "with the message that a user reads; *warned*: told of in the run's report. *failed* would be a crash, a hang, or a wrong answer without a",
+        "word.", "",
+        "What catches: beforehand time_step_limit.py and staggered_limit.py of coupling/case, two_way_checks.py and servo_checks.py of",
+        "coupling/fluid; in the run coupling/measures/watch.py, with each line of the history: finite numbers, overlaps below 0.2 d, no grain through",
+        "a wall, and no energy that the work of walls and fluid does not account for.", "",
         f"{len(lines)} scenes: " + ", ".join(f"{count} {ended}" for ended, count in sorted(counts.items()))
         + (f"; {sum(line.outcome.ranks > 1 for line in lines)} of them on {ranks} ranks" if ranks > 1 else "")
         + (f". **Not as they may end: {', '.join(wrong)}.**" if wrong else "; each as it may end."),
