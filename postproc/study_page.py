@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from postproc.error_time import Point, short
+from postproc.error_time import Point, pareto_front, short
 from postproc.work_precision import error_text
 
 
-def page(title: str, about: str, command: str, points: Sequence[Point], best: Sequence[Point], tolerance: float, error_label: str, picture: str) -> str:
-    """Markdown."""
+def page(
+    title: str, about: str, command: str, points: Sequence[Point], best: Sequence[Point], given: Sequence[str], tolerance: float, error_label: str, picture: str
+) -> str:  # fmt: skip
+    """Markdown. given: parameters that are no choice."""
     lines = [f"# {title}", "", f"    {command}", ""]
     if about:
         lines += [about.strip(), ""]
-    lines += [f"![{title}]({picture})", "", *verdict(points, best, tolerance), "", *table(points, error_label), "", made_by(points)]
+    lines += [f"![{title}]({picture})", "", *verdict(points, best, tolerance), "", *choices(points, given), *table(points, error_label), "", made_by(points)]
     return "\n".join(lines) + "\n"
 
 
@@ -30,6 +32,23 @@ def verdict(points: Sequence[Point], best: Sequence[Point], tolerance: float) ->
         return [f"No setting has an error to judge by, so none is recommended for {tolerance:g}."]
     nearest = min(counting, key=lambda point: point.error)
     return [f"No setting is within {tolerance:g}; the nearest is {nearest} with an error of {nearest.error:.2g}."]
+
+
+def choices(points: Sequence[Point], given: Sequence[str]) -> list[str]:
+    """The setting to take for any wanted error: the Pareto front as a table, one for each combination of what is given."""
+    kinds: dict[tuple[str, ...], list[Point]] = {}
+    for point in points:
+        kinds.setdefault(tuple(f"{key} = {short(point.options[key])}" for key in given if key in point.options), []).append(point)
+    lines = []
+    for kind, members in kinds.items():
+        if front := pareto_front(members):
+            lines += [f"To choose{', '.join(('', *kind))}:", "", "| for an error of | take | CPU s |", "|---|---|---|"]
+            lines += [f"| {error_text(point.error)} | {_chosen(point, given)} | {point.cpu_s:.3g} |" for point in reversed(front)] + [""]
+    return lines
+
+
+def _chosen(point: Point, given: Sequence[str]) -> str:
+    return ", ".join(f"{key} = {short(value)}" for key, value in point.options.items() if key not in given) or "what is given"
 
 
 def made_by(points: Sequence[Point]) -> str:

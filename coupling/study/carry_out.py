@@ -186,7 +186,7 @@ def _write(study: Study, rows: list[Row], paths: Paths, file: str) -> None:
 
     labels = {one.key: one.label or one.key for one in study.parameters}
     picture = draw(points, best, given, study.tolerance, study.title, error_label, labels, paths.results, FIGURE)
-    text = page(study.title, study.about, f"poreslip study {file}", points, best, study.tolerance, error_label, picture.name)
+    text = page(study.title, study.about, f"poreslip study {file}", points, best, given, study.tolerance, error_label, picture.name)
     write_atomically(paths.results / PAGE, text)
     for line in filter(None, verdict(points, best, study.tolerance)):
         print(f"{study.stem}  {line.replace('**', '')}")

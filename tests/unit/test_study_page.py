@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from postproc.error_time import Cost, Row, gathered, recommended_for_each
-from postproc.study_page import page, table, verdict
+from postproc.study_page import choices, page, table, verdict
 from postproc.work_precision import draw, number
 
 
@@ -38,8 +38,8 @@ def test_any_study_can_be_shown(name, tmp_path):
     image = matplotlib.image.imread(tmp_path / picture.name)
     # Something is drawn in it: ink besides the paper.
     assert image.shape[1] == 420 and 0.01 < np.mean(image[..., :3].min(axis=2) < 0.9) < 0.5
-    text = page("A title", "About it.", "poreslip study a.toml", points, best, 0.05, "error", picture.name)
-    assert text.count("\n|") == len(points) + 2 and "About it." in text
+    text = page("A title", "About it.", "poreslip study a.toml", points, best, given, 0.05, "error", picture.name)
+    assert text.count("\n|") == len(points) + 2 + sum(line.startswith("|") for line in choices(points, given)) and "About it." in text
 
 
 def test_what_is_recommended_is_said():
@@ -54,6 +54,19 @@ def test_what_is_recommended_is_said():
     broken = gathered(STUDIES["broken"][0])
     assert verdict(broken, [], 0.05) == ["No setting has an error to judge by, so none is recommended for 0.05."]
     assert "no: it broke / down" in table(broken, "error")[3] and "the reference" in table(broken, "error")[2]
+
+
+def test_what_to_choose_for_a_wanted_error():
+    """The Pareto front, the most exact first; by what is given."""
+    assert choices(gathered(STUDIES["numbers"][0]), []) == [
+        "To choose:", "", "| for an error of | take | CPU s |", "|---|---|---|",
+        "| 0.001 | interval = 1, split = a | 1 |", "| 0.01 | interval = 10, split = a | 0.1 |", "| 0.1 | interval = 100, split = a | 0.01 |", "",
+    ]  # fmt: skip
+    given, key = STUDIES["given"]
+    found = choices(gathered(given), key)
+    assert [line for line in found if line.startswith("To choose")] == ["To choose, dt = 1e-09:", "To choose, dt = 0.001:"]
+    assert found[4] == "| 1e-10 | scheme = implicit | 1 |"
+    assert choices(gathered(STUDIES["broken"][0]), []) == []
 
 
 def test_labels_that_are_numbers():
