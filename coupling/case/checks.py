@@ -283,7 +283,7 @@ def _variables_of_deck(directory: Path, deck: str) -> set[str]:
     """Names of the `variable ... index` lines of a deck and of the files that it includes by their full names."""
     if not (directory / deck).is_file():
         return set()
-    text = (directory / deck).read_text(encoding="utf-8")
+    text = (directory / deck).read_text(encoding="utf-8", errors="replace")
     included = re.findall(r"^include\s+\$\{inputs\}/([\w.]+)\s", text, flags=re.MULTILINE)
-    texts = [text, *((directory / name).read_text(encoding="utf-8") for name in included if (directory / name).is_file())]
+    texts = [text, *((directory / name).read_text(encoding="utf-8", errors="replace") for name in included if (directory / name).is_file())]
     return {name for one in texts for name in re.findall(r"^variable\s+(\w+)\s+index\b", one, flags=re.MULTILINE)}

@@ -172,7 +172,8 @@ def _texts(decks: list[Path]) -> dict[str, str]:
         path = waiting.pop()
         if path.name in found or not path.is_file():
             continue
-        found[path.name] = path.read_text()
+        # A remark in a deck may be in any encoding.
+        found[path.name] = path.read_text(encoding="utf-8", errors="surrogateescape")
         for name in re.findall(r"^include\s+\$\{inputs\}/(\S+)", found[path.name], flags=re.MULTILINE):
             waiting += sorted(decks[0].parent.glob(re.sub(r"\$\{\w+\}", "*", name)))
     return found

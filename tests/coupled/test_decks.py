@@ -42,6 +42,12 @@ def test_additions_work(run_fault, own_decks, tmp_path, ranks):
     assert "spin" in (mine / "log.liggghts").read_text()
 
 
+def test_remarks_in_any_encoding(run_fault, own_decks):
+    for name in ("in.load", "in.bond"):
+        (own_decks / name).write_bytes((own_decks / name).read_bytes() + "# \u00fcber".encode("latin-1") + b"\n")
+    run_fault(f"decks_directory={own_decks}", "loading.deck_variables.servo_gain=0.7", options=("--checkpoint-every", "100"))
+
+
 def test_a_variable_of_the_deck_is_set_from_the_case(run_fault, own_decks):
     append(own_decks / "in.load", "variable extra_damping index 0.", "fix extra all viscous ${extra_damping}")
     without = history(run_fault(f"decks_directory={own_decks}", out="without"))
