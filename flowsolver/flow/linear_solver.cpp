@@ -29,26 +29,44 @@ void fill(Vec vector, const std::vector<double>& value) {
   check(VecRestoreArrayWrite(vector, &v));
 }
 
-// On one rank the matrix is made of the arrays as they are; they live as long as it does.
-struct MatrixArrays {
-  std::vector<PetscInt> start, column;
-  std::vector<PetscScalar> value;
-};
-
-Mat matrix_of(MPI_Comm comm, MatrixArrays* arrays) {
+// The matrix is made of the arrays as they are; they live as long as it does.
+Mat matrix_of(MPI_Comm comm, Entries* entries, PetscInt all_rows) {
   Mat matrix = nullptr;
   PetscContainer container = nullptr;
-  const auto rows = static_cast<PetscInt>(arrays->start.size() - 1);
+  const auto rows = static_cast<PetscInt>(entries->start.size() - 1);
+  PetscScalar* const value = entries->value.data();
+  int ranks = 1;
+  MPI_Comm_size(comm, &ranks);
   check(PetscContainerCreate(comm, &container));
-  check(PetscContainerSetPointer(container, arrays));
+  check(PetscContainerSetPointer(container, entries));
   check(PetscContainerSetUserDestroy(container, [](void* p) -> PetscErrorCode {
-    delete static_cast<MatrixArrays*>(p);
+    delete static_cast<Entries*>(p);
     return 0;
   }));
-  check(MatCreateSeqAIJWithArrays(comm, rows, rows, arrays->start.data(), arrays->column.data(), arrays->value.data(), &matrix));
-  check(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), "arrays", reinterpret_cast<PetscObject>(container)));
+  if (ranks == 1)
+    check(MatCreateSeqAIJWithArrays(comm, rows, rows, entries->start.data(), entries->column.data(), value, &matrix));
+  else
+    check(MatCreateMPIAIJWithSplitArrays(comm, rows, rows, all_rows, all_rows, entries->start.data(), entries->column.data(), value,
+                                         entries->other_start.data(), entries->other_column.data(), value + entries->column.size(), &matrix));
+  check(PetscObjectCompose(reinterpret_cast<PetscObject>(matrix), "entries", reinterpret_cast<PetscObject>(container)));
   check(PetscContainerDestroy(&container));
   return matrix;
+}
+
+// Tells PETSc that the values in its arrays are other ones.
+void announce(Mat matrix) {
+  Mat own = matrix, other = nullptr;
+  PetscBool serial = PETSC_FALSE;
+  check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix), MATSEQAIJ, &serial));
+  if (!serial) check(MatMPIAIJGetSeqAIJ(matrix, &own, &other, nullptr));
+  for (Mat part : {own, other}) {
+    if (!part) continue;
+    PetscScalar* value = nullptr;
+    check(MatSeqAIJGetArrayWrite(part, &value));
+    check(MatSeqAIJRestoreArrayWrite(part, &value));
+  }
+  check(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  check(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
 }
 
 }  // namespace
@@ -75,22 +93,14 @@ void LinearSolver::free_system() {
   VecDestroy(&solution_);
 }
 
-void LinearSolver::make(Rows& rows, std::vector<PetscInt> start, const SystemShape& shape) {
+void LinearSolver::make(Entries&& entries, PetscInt all_rows) {
   carried_.reset();
   free_system();
   use_options(options_);
-  const auto local = static_cast<PetscInt>(rows.size());
-  int ranks = 1;
-  MPI_Comm_size(comm_, &ranks);
-  if (ranks == 1) {
-    matrix_ = matrix_of(comm_, new MatrixArrays{std::move(start), std::move(rows.column), std::move(rows.value)});
-  } else {
-    check(MatCreate(comm_, &matrix_));
-    check(MatSetSizes(matrix_, local, local, shape.all_rows, shape.all_rows));
-    check(MatSetType(matrix_, MATMPIAIJ));
-    check(MatMPIAIJSetPreallocationCSR(matrix_, start.data(), rows.column.data(), rows.value.data()));
-  }
-  check(VecCreateMPI(comm_, local, shape.all_rows, &right_));
+  entries_ = new Entries(std::move(entries));
+  const auto local = static_cast<PetscInt>(entries_->diagonal.size());
+  matrix_ = matrix_of(comm_, entries_, all_rows);
+  check(VecCreateMPI(comm_, local, all_rows, &right_));
   check(VecDuplicate(right_, &solution_));
   check(KSPCreate(comm_, &solver_));
   check(KSPSetOptionsPrefix(solver_, "flow_"));
@@ -120,35 +130,20 @@ void LinearSolver::relate(const std::vector<PetscInt>& row_before) {
   carried_ = std::make_unique<CarriedPreconditioner>(solver_, matrix_, multigrid_, multigrid_like_, row_before, changed);
 }
 
-void LinearSolver::take(Rows& rows, const SystemShape& shape, const std::vector<PetscInt>& row_before) {
-  const bool same = matrix_ && shape.same_structure;
-  diagonal_.resize(rows.size());
-  for (std::size_t k = 0; k < rows.size(); ++k) diagonal_[k] = rows.diagonal(k);
-  std::vector<PetscInt> start = rows.compress();
-  if (same) {
-    PetscBool serial = PETSC_FALSE;
-    check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(matrix_), MATSEQAIJ, &serial));
-    if (serial) {
-      PetscScalar* value = nullptr;
-      check(MatSeqAIJGetArrayWrite(matrix_, &value));
-      std::copy(rows.value.begin(), rows.value.end(), value);
-      check(MatSeqAIJRestoreArrayWrite(matrix_, &value));
-    } else {
-      check(MatUpdateMPIAIJWithArray(matrix_, rows.value.data()));
-    }
-  } else {
-    make(rows, std::move(start), shape);
+void LinearSolver::take(const std::vector<double>& right, const SystemShape& shape, const std::vector<PetscInt>& row_before) {
+  if (shape.new_values) {
+    announce(matrix_);
+    diagonal_.resize(right.size());
+    for (std::size_t k = 0; k < right.size(); ++k) diagonal_[k] = entries_->value[entries_->diagonal[k]];
   }
   check(MatSetOption(matrix_, MAT_SPD, shape.singular ? PETSC_FALSE : PETSC_TRUE));
   MatNullSpace null_space = nullptr;
   if (shape.singular) check(MatNullSpaceCreate(comm_, PETSC_TRUE, 0, nullptr, &null_space));
   check(MatSetNullSpace(matrix_, null_space));
-  fill(right_, rows.right);
+  fill(right_, right);
   if (shape.singular) check(MatNullSpaceRemove(null_space, right_));
   check(MatNullSpaceDestroy(&null_space));
-  // The multigrid needs the memory more than these do.
-  rows = Rows(0, 0);
-  if (!same) relate(row_before);
+  if (!shape.same_structure) relate(row_before);
 }
 
 LinearReport LinearSolver::solve(double relative_tolerance, double least_residual, std::vector<double>& unknown) {

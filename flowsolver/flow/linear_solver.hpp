@@ -12,11 +12,11 @@
 
 namespace poreslip::flow {
 
-// Where this rank's equations stand among all, and what they are.
+// What a system is, and what it shares with the one before.
 struct SystemShape {
-  PetscInt first_row, all_rows;
   bool singular;          // only differences of the unknowns are determined
-  bool same_structure;    // as of the system before
+  bool same_structure;
+  bool new_values;        // of the entries
 };
 
 struct LinearReport {
@@ -35,9 +35,14 @@ class LinearSolver {
   LinearSolver(const LinearSolver&) = delete;
   LinearSolver& operator=(const LinearSolver&) = delete;
 
-  // Collective. Takes up a system and leaves nothing in rows. row_before: for each of this rank's rows, its row when the
+  // Collective. Begins a system with these entries, whose values are to be set before it is taken up.
+  void make(Entries&& entries, PetscInt all_rows);
+  // Their places stay as they are.
+  Entries& entries() { return *entries_; }
+
+  // Collective. Takes up the entries' values and the right side (rows). row_before: for each of this rank's rows, its row when the
   // preconditioner was last set up (counted on this rank) or -1; empty if nothing relates the two.
-  void take(Rows& rows, const SystemShape& shape, const std::vector<PetscInt>& row_before);
+  void take(const std::vector<double>& right, const SystemShape& shape, const std::vector<PetscInt>& row_before);
 
   // Collective. unknown (rows of this rank): the start, and the solution. least_residual: norm that counts as zero.
   LinearReport solve(double relative_tolerance, double least_residual, std::vector<double>& unknown);
@@ -52,13 +57,13 @@ class LinearSolver {
   void forget_preconditioner() { stale_ = true; }
 
  private:
-  void make(Rows& rows, std::vector<PetscInt> start, const SystemShape& shape);
   void relate(const std::vector<PetscInt>& row_before);
   void free_system();
 
   MPI_Comm comm_;
   std::string options_;
   Mat matrix_ = nullptr;
+  Entries* entries_ = nullptr;            // what the matrix is made of, which it owns
   KSP solver_ = nullptr;
   Vec right_ = nullptr, solution_ = nullptr;
   std::vector<double> diagonal_;          // of this rank's rows

@@ -31,6 +31,8 @@ PoreFlow::PoreFlow(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law,
 void PoreFlow::refresh(const double* body_force) {
   follow_mesh();
   throats_ = make_throats(network_, fluid_, law_, limiter_, body_force);
+  numbered_throats_ = false;
+  assembled_dt_ = -1.0;
   storage_ = storage(network_, fluid_, limiter_, limited_pores_);
   network_.exchange();
 }
@@ -51,6 +53,8 @@ void PoreFlow::follow_mesh() {
 
 void PoreFlow::set_conductance(const double* conductance) {
   throats_.conductance.assign(conductance, conductance + throats_.facet.size());
+  numbered_throats_ = false;
+  assembled_dt_ = -1.0;
   solver_.forget_preconditioner();
 }
 
@@ -98,24 +102,32 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   const bool sealed = sum(comm_, std::count(network_.owned(), network_.owned() + n, true)) == all_rows_;
   const double reference = sealed ? sealed_mean(conditions, stored, dt) : given_mean(conditions);
   const double start_reference = sealed ? sealed_mean(conditions, stored, 0.0) : reference;
-  Rows rows = assemble(conditions, dt, reference);
-
-  // A pore without any open throat, where nothing is stored and no pressure is given.
-  std::int64_t isolated = 0;
+  const bool same_structure = entries_found_;
+  if (!same_structure) solver_.make(find_entries(), all_rows_);
+  entries_found_ = true;
+  const bool stands = same_structure && !any_rank(comm_, assembled_dt_ != std::max(dt, 0.0));
+  assembled_dt_ = std::max(dt, 0.0);
+  Entries& entries = solver_.entries();
+  RightSides right = assemble(conditions, dt, reference, entries, !stands);
+  if (!stands) {
+    isolated_.clear();
+    for (std::size_t k = 0; k < free_.size(); ++k)
+      if (entries.value[entries.diagonal[k]] == 0.0) {
+        isolated_.push_back(static_cast<std::int32_t>(k));
+        entries.value[entries.diagonal[k]] = 1.0;
+      }
+  }
   double net[4] = {0.0, 0.0, 0.0, 0.0};  // sums of the right sides and of their terms; square of the terms' scale; sum of the matrix
   for (std::size_t k = 0; k < free_.size(); ++k) {
-    const double before = conditions.pressure[free_[k]];
-    net[0] += rows.right[k];
-    net[1] += rows.terms[k];
-    const double scale = rows.terms[k] + rows.diagonal(k) * std::max(std::abs(before), std::abs(reference));
+    net[0] += right.value[k];
+    net[1] += right.terms[k];
+    const double scale = right.terms[k] + entries.value[entries.diagonal[k]] * std::max(std::abs(conditions.pressure[free_[k]]), std::abs(reference));
     net[2] += scale * scale;
-    if (rows.diagonal(k) == 0.0) {
-      ++isolated;
-      rows.diagonal(k) = 1.0;
-      rows.right[k] = before - reference;
-    }
-    net[3] += rows.sum(k);
   }
+  for (const double entry : entries.value) net[3] += entry;
+  // A pore without any open throat, where nothing is stored and no pressure is given, keeps its own.
+  for (const std::int32_t k : isolated_) right.value[k] = conditions.pressure[free_[k]] - reference;
+  const auto isolated = static_cast<std::int64_t>(isolated_.size());
   report.isolated = sum(comm_, isolated) + cut_off_;
   MPI_Allreduce(MPI_IN_PLACE, net, 4, MPI_DOUBLE, MPI_SUM, comm_);
   const bool singular = sealed && !stored;
@@ -131,15 +143,12 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
     agree_on_input(comm_, fault);
   }
 
-  const bool same_structure = !any_rank(comm_, matrix_mesh_ != network_.mesh_number() || matrix_fixed_ != fixed_);
-  matrix_mesh_ = network_.mesh_number();
-  matrix_fixed_ = fixed_;
   std::vector<PetscInt> row_before;
   if (!row_at_setup_.empty()) {
     row_before.reserve(free_.size());
     for (const std::int32_t c : free_) row_before.push_back(row_at_setup_[c]);
   }
-  solver_.take(rows, {first_row_, all_rows_, singular, same_structure}, row_before);
+  solver_.take(right.value, {singular, same_structure, !stands}, row_before);
   report.assemble = elapsed(clock);
 
   std::vector<double> unknown(free_.size());

@@ -1,6 +1,7 @@
 // Flow through a pore network on PETSc: equations (7)-(13). Steady, implicit and explicit.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -62,11 +63,16 @@ class PoreFlow {
   std::int64_t limited_pores() const { return limited_pores_; }
 
  private:
+  struct RightSides {
+    std::vector<double> value, terms;  // m^3/s, and the sum of the sizes of the terms
+  };
+
   void number(const bool* fixed, bool stored);
+  Entries find_entries();
   void fix_cut_off();
   double given_mean(const Conditions& conditions) const;
   double sealed_mean(const Conditions& conditions, bool stored, double dt) const;
-  Rows assemble(const Conditions& conditions, double dt, double reference);
+  RightSides assemble(const Conditions& conditions, double dt, double reference, Entries& entries, bool anew);
   void follow_mesh();
 
   PoreNetwork& network_;
@@ -84,9 +90,17 @@ class PoreFlow {
   std::vector<std::int32_t> free_;   // owned pores that are unknowns
   PetscInt first_row_ = 0, all_rows_ = 0;
 
+  std::int64_t numbered_mesh_ = -1;  // what the numbers are of
+  bool numbered_stored_ = false, numbered_throats_ = false;
+  std::vector<double> given_;
+
+  std::vector<std::array<Side, 2>> sides_;                // of this rank's throats, left and right
+  std::vector<Side> incoming_;                            // of throats of other ranks, in the order in which they arrive
+  std::vector<std::vector<std::int32_t>> outgoing_;       // for each rank: 2 * throat + side
   LinearSolver solver_;
-  std::int64_t matrix_mesh_ = -1;
-  std::vector<double> matrix_fixed_;
+  bool entries_found_ = false;
+  std::vector<std::int32_t> isolated_;                    // rows of pores without any open throat, where nothing is stored
+  double assembled_dt_ = -1.0;                            // of the entries' values, below 0: none
   std::int64_t mesh_followed_ = -1;
   std::vector<PetscInt> row_at_setup_;  // of each local pore when the preconditioner was set up, -1: none; empty: unrelated
 };

@@ -1,82 +1,88 @@
-// The equations of one rank's unknowns.
+// The equations of one rank's unknowns: which entries there are, and where throats stand among them.
 #pragma once
 
 #include <petscsys.h>
 
-#include <cmath>
+#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
 namespace poreslip::flow {
 
-// The equations of the unknowns of this rank, in pressures less a reference: a diagonal and up to four neighbours each.
-struct Rows {
-  static constexpr std::size_t width = 5;   // entries of a row, the diagonal first until compress()
-  std::vector<PetscScalar> value;           // (rows * width)
-  std::vector<PetscInt> column;             // (rows * width)
-  std::vector<std::int8_t> filled;          // (rows)
-  std::vector<double> right, terms;         // (rows): right side, and the sum of its terms' absolute values
+// One side of a throat: the row of its pore, -1 if that is no unknown of this rank, and the place of the coupling with the pore on the other
+// side among the entries, -1 if that one's pressure is given.
+struct Side {
+  std::int32_t row = -1, other = -1;
+};
 
-  Rows(std::size_t rows, PetscInt first_row)
-      : value(rows * width, 0.0), column(rows * width), filled(rows, 1), right(rows, 0.0), terms(rows, 0.0) {
-    for (std::size_t k = 0; k < rows; ++k) column[k * width] = first_row + static_cast<PetscInt>(k);
+// The entries of this rank's rows: couplings with its own unknowns (counted on this rank), row by row in the order of their columns, and
+// after all of these those with unknowns of other ranks (counted over all).
+struct Entries {
+  std::vector<PetscInt> start{0}, column, other_start{0}, other_column;
+  std::vector<std::int32_t> diagonal;  // (rows) places
+  std::vector<PetscScalar> value;      // (entries)
+};
+
+// Collects the entries of rows with a diagonal and up to four neighbours each.
+class EntryCollector {
+ public:
+  EntryCollector(std::size_t rows, PetscInt first_row) : first_row_(first_row), rows_(rows), column_(rows * width), filled_(rows, 1) {
+    for (std::size_t k = 0; k < rows; ++k) column_[k * width] = first_row + static_cast<PetscInt>(k);
   }
 
-  std::size_t size() const { return filled.size(); }
-  double& diagonal(std::size_t row) { return value[row * width]; }
-  double sum(std::size_t row) const {
-    double entries = 0.0;
-    for (int e = 0; e < filled[row]; ++e) entries += value[row * width + e];
-    return entries;
-  }
+  bool owns(PetscInt row) const { return row >= first_row_ && row < first_row_ + static_cast<PetscInt>(rows_); }
 
-  // other: global number of the pore on the other side, -1 if its pressure is given.
-  void couple(std::size_t row, double conductance, double head, PetscInt other, double other_pressure, double reference) {
-    PetscScalar* v = &value[row * width];
-    PetscInt* c = &column[row * width];
-    v[0] += conductance;
-    // Flow out of the pore is conductance * (p - p_other + head).
-    right[row] -= conductance * head;
-    terms[row] += conductance * std::abs(head);
-    if (other < 0) {
-      right[row] += conductance * (other_pressure - reference);
-      terms[row] += conductance * std::abs(other_pressure);
-      return;
-    }
+  // A side of a throat between unknowns, counted over all ranks; other: -1 if its pressure is given. Its place is known after `entries`.
+  Side add(PetscInt row, PetscInt other) {
+    const auto local = static_cast<std::int32_t>(row - first_row_);
+    if (other < 0) return {local, -1};
     // Two pores can have several throats in common in the smallest packs, and a pore one with its own image.
-    for (int k = 0; k < filled[row]; ++k)
-      if (c[k] == other) {
-        v[k] -= conductance;
-        return;
-      }
-    c[filled[row]] = other;
-    v[filled[row]++] = -conductance;
+    PetscInt* const c = &column_[local * width];
+    int k = 0;
+    while (k < filled_[local] && c[k] != other) ++k;
+    if (k == filled_[local]) c[filled_[local]++] = other;
+    return {local, static_cast<std::int32_t>(local * width) + k};
   }
 
-  // Each row in the order of its columns, the rows one after the other. Returns where each starts (rows + 1).
-  std::vector<PetscInt> compress() {
-    std::vector<PetscInt> start(size() + 1);
-    PetscInt end = 0;
-    for (std::size_t k = 0; k < size(); ++k) {
-      PetscScalar* v = &value[k * width];
-      PetscInt* c = &column[k * width];
-      for (int e = 1; e < filled[k]; ++e)
-        for (int p = e; p > 0 && c[p] < c[p - 1]; --p) {
-          std::swap(c[p], c[p - 1]);
-          std::swap(v[p], v[p - 1]);
+  Entries entries() {
+    Entries e;
+    place_.resize(column_.size());
+    e.diagonal.resize(rows_);
+    for (const bool own : {true, false}) {
+      std::vector<PetscInt>& start = own ? e.start : e.other_start;
+      std::vector<PetscInt>& columns = own ? e.column : e.other_column;
+      for (std::size_t k = 0; k < rows_; ++k) {
+        std::array<std::pair<PetscInt, std::int32_t>, width> found;
+        int count = 0;
+        for (int s = 0; s < filled_[k]; ++s)
+          if (const PetscInt c = column_[k * width + s]; owns(c) == own) {
+            int p = count++;
+            for (; p > 0 && c < found[p - 1].first; --p) found[p] = found[p - 1];
+            found[p] = {c, static_cast<std::int32_t>(k * width) + s};
+          }
+        for (int s = 0; s < count; ++s) {
+          place_[found[s].second] = static_cast<std::int32_t>(e.column.size() + e.other_column.size());
+          columns.push_back(own ? found[s].first - first_row_ : found[s].first);
         }
-      start[k] = end;
-      for (int e = 0; e < filled[k]; ++e, ++end) {
-        column[end] = c[e];
-        value[end] = v[e];
+        start.push_back(static_cast<PetscInt>(columns.size()));
       }
     }
-    start[size()] = end;
-    value.resize(end);
-    column.resize(end);
-    return start;
+    for (std::size_t k = 0; k < rows_; ++k) e.diagonal[k] = place_[k * width];
+    e.value.assign(e.column.size() + e.other_column.size(), 0.0);
+    return e;
   }
+
+  // After `entries`.
+  Side placed(Side side) const { return {side.row, side.other < 0 ? -1 : place_[side.other]}; }
+
+ private:
+  static constexpr std::int32_t width = 5;  // the diagonal first
+  PetscInt first_row_;
+  std::size_t rows_;
+  std::vector<PetscInt> column_;     // (rows * width), over all ranks
+  std::vector<std::int8_t> filled_;  // (rows)
+  std::vector<std::int32_t> place_;  // of column_
 };
 
 }  // namespace poreslip::flow
