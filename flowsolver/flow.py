@@ -274,7 +274,7 @@ class PoreFlow:
                 tolerance: float, rate: NDArray | None = None) -> FlowResult:  # fmt: skip
         """A solve's result. after, flowing: (m,) Pa, at the end and those that the fluid flowed by; change: (m,) Pa/s, over the step, None: steady."""
         supply, missing, of_each, throughput = self._balance(conditions, flowing, change)
-        if missing > tolerance * throughput:
+        if missing > tolerance * throughput or throughput == 0.0:
             driven, whole = self._driven(flowing, change)
             if throughput <= tolerance * driven + ROUNDING * whole:
                 throughput = whole

@@ -70,15 +70,14 @@ def test_dropped_once_the_changes_add_up(moving):
     """Small moves: kept over some of them; sooner or later a set-up pays, and solves take as few iterations as at first."""
     _, flow, move = moving
     first = flow.steady(DRIVEN, tolerance=1e-8)
-    pressure, most = first.pressure, 0
+    pressure, kept, set_ups = first.pressure, 0, 0
     for _ in range(200):
         _, pressure = move(2e-4, pressure)
         result = flow.steady(DRIVEN, 0 * pressure, tolerance=1e-8)
-        if not result.report["preconditioner_kept"]:
+        kept += result.report["preconditioner_kept"]
+        set_ups += not result.report["preconditioner_kept"]
+        if kept and not result.report["preconditioner_kept"]:
             break
-        most = max(most, result.report["iterations"])
-    else:
-        pytest.fail("never set up anew")
-    assert most > 0
+    assert 0 < set_ups < kept
     again = flow.steady(DRIVEN, 0 * pressure, tolerance=1e-8)
     assert again.report["iterations"] <= 1.5 * first.report["iterations"] + 2
