@@ -194,8 +194,8 @@ class PoreFlow:
         after, report = self._solve(conditions, given, 0.0, tolerance)
         missing, throughput = report["imbalance"], self._balance(conditions, after, None)[3]
         if missing > tolerance * throughput:
-            driven, rounding = self._driven(after, None)
-            if throughput > tolerance * driven + rounding:
+            driven, whole = self._driven(after, None)
+            if throughput > tolerance * driven + ROUNDING * whole:
                 # Beside throats that conduct far more than others, the linear solver's residual is mostly theirs: once more, as much closer.
                 closer = max(0.03 * tolerance * tolerance * throughput / missing, ROUNDING)
                 after, again = self._solve(conditions, after, 0.0, closer)
