@@ -95,15 +95,20 @@ def test_flow_in_time_tends_to_the_steady_state(pack, tmp_path):
 
 
 @pytest.mark.parallel
-def test_two_ranks_give_the_same(pack, tmp_path, mpirun):
-    """Two ranks."""
-    one = report_of(tmp_path, pack, *BOX, *DRIVEN)
+@pytest.mark.parametrize("law", ["duct", "hydraulic-radius"])
+def test_two_ranks_give_the_same(pack, tmp_path, mpirun, law):
+    """Two ranks, at the default tolerance."""
+    arguments = [pack, *BOX, *DRIVEN, "--conductance", law]
+    one = report_of(tmp_path, *arguments, "--forces", tmp_path / "one.npz")
     out = tmp_path / "two.json"
-    done = mpirun(2, ["-m", "flowsolver", pack, *BOX, *DRIVEN, "--json", out])
+    done = mpirun(2, ["-m", "flowsolver", *arguments, "--json", out, "--forces", tmp_path / "two.npz"])
     assert done.returncode == 0, done.stderr
     two = json.loads(out.read_text())
     assert two["ranks"] == 2 and two["pores"] == one["pores"]
     assert two["permeability"] == pytest.approx(one["permeability"], rel=1e-9)
+    forces = [np.load(tmp_path / f"{name}.npz") for name in ("one", "two")]
+    np.testing.assert_array_equal(forces[1]["id"], forces[0]["id"])
+    np.testing.assert_allclose(forces[1]["force"], forces[0]["force"], rtol=0, atol=1e-9 * np.abs(forces[0]["force"]).max())
 
 
 def test_reads_a_dump(pack, tmp_path):
