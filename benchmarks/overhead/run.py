@@ -1,7 +1,7 @@
 """overhead: CPU time of a step under the driver, over that of the same deck in the stock `liggghts`, and what each kind of flow adds.
 
     python benchmarks/overhead/run.py                     # the table
-    python benchmarks/overhead/run.py --repeats 5
+    python benchmarks/overhead/run.py --repeats 5 --scene sample
 
 Each figure is the median over the repeats, and a step's time is the difference of a long and a short run over their difference of
 steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The stock program runs the
@@ -30,8 +30,10 @@ sys.path.insert(0, str(REPOSITORY))
 from coupling.case.files import load_case  # noqa: E402  (needs the path above)
 
 FAULT, SAMPLE = "cases/two_sides/quick.toml", "cases/consolidation/consolidation.toml"
-#: A box of about 8000 grains for the sample.
-SAMPLE_BOX = "pack.box_m=[0.038, 0.038, 0.038]"
+#: A sample of about 8000 grains, with the load and the drainage of cases/studies/coupling_interval_8000.toml; and the steps between two solves that this study
+#: recommends, and as many as the smaller pack of cases/consolidation has.
+SAMPLE_8000 = ("pack.box_m=[0.038, 0.038, 0.038]", "fluid.viscosity_Pa_s=5.26", "sample.ramp_time_s=2.85e-5")
+RECOMMENDED, SHORT = 200, 40
 #: Those are asked for, not overhead.
 NO_SNAPSHOTS = "output.snapshots=0"
 #: So small a pressure changes no trajectory, and costs what any does.
@@ -85,8 +87,11 @@ def rows() -> list[tuple[str, str | None, Callable, tuple[int, int]]]:
     strain, time = "loading.horizontal_strain", "sample.loading_time_s"
     dry = Case(FAULT, "case5", strain, NO_SNAPSHOTS)
     prescribed = Case(FAULT, "case1", strain, NO_SNAPSHOTS, *FAINT)
-    quiet = Case(SAMPLE, "dry", time, SAMPLE_BOX)
-    coupled = Case(SAMPLE, "two_way", time, SAMPLE_BOX)
+
+    def of_sample(run: str, interval: int) -> Case:
+        return Case(SAMPLE, run, time, *SAMPLE_8000, f"flow.interval_steps={interval}", f"output.history_interval_steps={RECOMMENDED}")
+
+    quiet = of_sample("dry", RECOMMENDED)
     fault, sample = (1000, 5000), (1000, 4000)
     return [
         ("fault, stock liggghts", None, dry.stock, fault),
@@ -94,16 +99,17 @@ def rows() -> list[tuple[str, str | None, Callable, tuple[int, int]]]:
         ("fault, prescribed pressure", "fault, dry", prescribed.driver, fault),
         ("sample, stock liggghts", None, quiet.stock, sample),
         ("sample, dry", "sample, stock liggghts", quiet.driver, sample),
-        ("sample, two-way", "sample, dry", coupled.driver, sample),
+        *((f"sample, two-way, every {n}", "sample, dry", of_sample("two_way", n).driver, sample) for n in (RECOMMENDED, SHORT)),
     ]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--scene", choices=["fault", "sample"], help="rows of this scene alone")
     arguments = parser.parse_args()
     work = Path(tempfile.mkdtemp(prefix="overhead-"))
-    table = rows()
+    table = [row for row in rows() if row[0].startswith(arguments.scene or "")]
     seconds: dict[str, list[float]] = {name: [] for name, *_ in table}
     try:
         for name, _, timed, (short, _) in table:

@@ -247,8 +247,8 @@ class Flow:
     # Steps between two updates of the forces; with "solve", between two solves of the flow. The error of an interval, and the split to
     # choose for it: docs/error-against-run-time.md, coupling interval and remeshing.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
-    # Residual of a solve over its right side. The error of the pressures is of that size, of a settlement a hundredth of it; the balance of
-    # mass closes to rounding whatever it is (docs/error-against-run-time.md, coupling interval).
+    # Residual of a solve over its right side; mass and work balance whatever it is. What it makes of a settlement:
+    # docs/error-against-run-time.md, coupling interval.
     solver_tolerance: float = allowed(1e-6, at_least=1e-14, at_most=1e-2)
     # When the mesh of the pores is made anew: "needed": where it no longer is the triangulation of the grains, and then repaired if that can
     # be; "always": at every update.
