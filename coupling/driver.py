@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from coupling.results import checkpoint
-
 from coupling.case.run_case import CaseFile, RunCase
 from coupling.collective import raised_together
 from coupling.engine.liggghts import LiggghtsEngine
@@ -16,10 +14,11 @@ from coupling.measures.fault import Measures
 from coupling.measures.sample import SampleMeasures
 from coupling.memory import refuse_too_large
 from coupling.plan import plan
+from coupling.report import write_report
+from coupling.results import checkpoint
 from coupling.results.output import RunOutput, write_atomically
 from coupling.results.phases import Phases
 from coupling.results.progress import Progress
-from coupling.results.report import write_report
 from coupling.run_options import RunOptions
 from coupling.scene.walls import SceneWalls
 from coupling.stages import prepared

@@ -2,6 +2,6 @@
 
 import sys
 
-from flowsolver.command_line import main
+from flowsolver.command.command_line import main
 
 sys.exit(main())

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from flowsolver import InputError, lines_of_file
-from flowsolver.grain_file import read_grains
+from flowsolver import InputError
+from flowsolver.command import lines_of_file
+from flowsolver.command.grain_file import read_grains
 
 comm = MPI.COMM_WORLD
 # Small, so that blocks end everywhere.

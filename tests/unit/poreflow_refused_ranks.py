@@ -8,7 +8,7 @@ from pathlib import Path
 from mpi4py import MPI
 from test_poreflow_command import REFUSED
 
-from flowsolver.command_line import main
+from flowsolver.command.command_line import main
 
 comm = MPI.COMM_WORLD
 directory, pack = Path(sys.argv[1]), Path(sys.argv[2])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flowsolver.command_line import main
+from flowsolver.command.command_line import main
 
 BOX = ["--box", "0", "1", "0", "1", "0", "1"]
 DRIVEN = ["--face", "ymin=1", "--face", "ymax=0", "--viscosity", "10"]

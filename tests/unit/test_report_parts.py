@@ -7,7 +7,7 @@ import time
 import pytest
 
 from coupling.results.phases import Phases
-from coupling.results.report import speeds
+from coupling.report import speeds
 from coupling.results.stated_ranges import STATED_RANGES, warnings
 
 

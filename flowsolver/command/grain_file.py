@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from flowsolver.lines_of_file import Table, places_of, read_rows, size_and_start
+from flowsolver.command.lines_of_file import Table, places_of, read_rows, size_and_start
 from flowsolver.network import InputError
 
 _COLUMNS = ("id", "x", "y", "z", "radius")

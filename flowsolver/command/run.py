@@ -13,10 +13,10 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from flowsolver import command_files as files
+from flowsolver.command import files
 from flowsolver.flow import FACES, Boundary, FlowResult, PoreFlow
-from flowsolver.formula import Formula
-from flowsolver.grain_file import Grains, read_grains
+from flowsolver.command.formula import Formula
+from flowsolver.command.grain_file import Grains, read_grains
 from flowsolver.network import InputError, PoreNetwork
 
 
