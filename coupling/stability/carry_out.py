@@ -16,6 +16,7 @@ from coupling.results.output import write_atomically
 from coupling.stability.program_run import RANKS, in_time
 from coupling.stability.scene import FAILED, Outcome, Scene
 from coupling.stability.table import Line, write
+from coupling.study.revision import revision
 from coupling.study.runner import on_ranks
 
 #: A scene that takes longer hangs, s: they take seconds, of two cores that others use too.
@@ -44,6 +45,8 @@ def stability(patterns: list[str], directory: Path, jobs: int, quick: bool, rank
     """Carry out scenes, print a line of each, write the table; 0, or 3 if any ended in another way than it may. ranks: of what can be spread."""
     scenes = chosen(patterns, quick)
     directory.mkdir(parents=True, exist_ok=True)
+    # Of the code as it is now: it may be edited while scenes are carried out.
+    revision()
     started = time.perf_counter()
     lines: list[Line] = []
     with ThreadPoolExecutor(jobs) as pool:
