@@ -33,14 +33,18 @@ TOLERANCE = 1e-8
 def check_servos(case: RunCase, network: PoreNetwork, flow: PoreFlow, boundary: Boundary, pressure: np.ndarray, walls: SceneWalls,
                  states: dict[str, WallState]) -> None:  # fmt: skip
     """Raise InputError if a servo would throw its wall about; collective. pressure: (m,) Pa, at the start. states: of the walls, by fix id."""
+    troubles = []
     for name, gain in servo_gains(case).items():
         skeleton = case.normal_stiffness_N_per_m * max(states[name].contacts, 1)
         behind = _Behind(network, flow, boundary, pressure, *walls.plates[name])
         undrained = behind.stiffness / skeleton
         if case.flow.split != "staggered":
-            _check_undrained(case, name, gain, undrained)
+            troubles.append(_undrained_trouble(case, name, gain, undrained))
         elif undrained > 0.0:
-            _check_staggered(case, name, gain, undrained, lambda steps: behind.left(steps * case.time_step_s))
+            troubles.append(_staggered_trouble(case, name, gain, undrained, behind))
+    # What holds for the worst of them holds for all.
+    if any(troubles):
+        raise InputError(max(filter(None, troubles))[1])
 
 
 class _Behind:
@@ -70,31 +74,34 @@ class _Behind:
         return float(self._network.forces(pressure)[1][self._groups, self._face].sum())
 
 
-def _check_undrained(case: RunCase, name: str, gain: float, stiffness: float) -> None:
-    """stiffness: of the fluid, over that of the contacts."""
+def _undrained_trouble(case: RunCase, name: str, gain: float, stiffness: float) -> tuple[float, str] | None:
+    """How bad it is, and what to say; None if the servo holds. stiffness: of the fluid, over that of the contacts."""
     most = 2.0 / gain - 1.0
-    if stiffness >= most:
-        raise InputError(
-            f"{_wall(case, name)}: the fluid behind this wall is {stiffness:.3g} times as stiff as the contacts at it, and a servo holds a stress up to "
-            f"{most:.3g} times. {_softer(case, stiffness)}, or set a fluid.compressibility_per_Pa of "
-            f"{two_digits(case.fluid.compressibility_per_Pa * stiffness / most, math.ceil)} or more")
+    if stiffness < most:
+        return None
+    return stiffness / most, (
+        f"{_wall(case, name)}: the fluid behind this wall is {stiffness:.3g} times as stiff as the contacts at it, and a servo holds a stress up to "
+        f"{most:.3g} times. {_softer(case, stiffness)}, or set a fluid.compressibility_per_Pa of "
+        f"{two_digits(case.fluid.compressibility_per_Pa * stiffness / most, math.ceil)} or more")
 
 
-def _check_staggered(case: RunCase, name: str, gain: float, stiffness: float, left) -> None:
+def _staggered_trouble(case: RunCase, name: str, gain: float, stiffness: float, behind: _Behind) -> tuple[float, str] | None:
+    """As `_undrained_trouble`, where the fluid answers at solves alone."""
+
     def stable(steps: int) -> bool:
-        share, remains = 1.0 - (1.0 - gain) ** steps, left(steps)
+        share, remains = 1.0 - (1.0 - gain) ** steps, behind.left(steps * case.time_step_s)
         return remains * stiffness < (2.0 - share) * (1.0 + remains) / (2.0 * share)
 
     given = case.flow.interval_steps
     if stable(given):
-        return
+        return None
     low, high = 0, given
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     softer = _softer(case, stiffness)
     other = 'set flow.split = "undrained"' if stiffness < 2.0 / gain - 1.0 else softer[0].lower() + softer[1:]
-    raise InputError(
+    return 1.0 / (1.0 + low), (
         f'flow.interval_steps = {given}: with flow.split = "staggered" the fluid behind the wall of {_wall(case, name)} answers its servo only at the solves, '
         f"and throws it about from {high} steps on ({stiffness:.3g} times as stiff as the contacts at it). "
         + (f"Set {low} or fewer, or {other}" if low else f"No interval is short enough: {other}"))

@@ -111,7 +111,7 @@ def test_a_step_too_long_for_the_contacts(small, tmp_path, inputs):
     assert report(tmp_path)["energy_gain"] < 1e-6
 
 
-FLOWING = FAULT.replace('pressure.mode = "none"', 'pressure.left_target_Pa = 1e7\nflow.kind = "solve"\nflow.interval_steps = 10') + "time_step_fraction = 0.2\n"
+FLOWING = FAULT.replace('pressure.mode = "none"', 'pressure.left_target_Pa = 1e7\nflow.kind = "solve"\nflow.interval_steps = 10') + "time_step_fraction = 0.02\n"
 
 
 def test_the_plates_of_a_fault_against_a_stiff_fluid(poreslip, stage_cache, tmp_path):
@@ -119,11 +119,12 @@ def test_the_plates_of_a_fault_against_a_stiff_fluid(poreslip, stage_cache, tmp_
     (tmp_path / "fault.toml").write_text(FLOWING)
 
     def run(*overrides: str):
-        stiff = settings("fluid.compressibility_per_Pa=4.6e-12", "loading.horizontal_strain=2e-5", *overrides)
+        stiff = settings("fluid.compressibility_per_Pa=1e-12", "loading.horizontal_strain=2e-5", *overrides)
         return poreslip("run", tmp_path / "fault.toml", "--out", tmp_path / "out", *stiff, env={"PORESLIP_CACHE": str(stage_cache)})
 
     message = the_message(run(), 2)
-    assert "the scene two_sides, z_top_left: the fluid behind this wall is" in message and "a servo holds a stress up to 1.5 times" in message
+    # Which plate is the first depends on the pack, and so on the ranks that made it.
+    assert re.search(r"the scene two_sides, z_(top|bottom)_(left|right): the fluid behind this wall is", message) and "a servo holds a stress up to 1.5 times" in message
     gain, compressibility = re.search(r"servo_gain of at most ([\d.e-]+), or set a fluid.compressibility_per_Pa of ([\d.e-]+) or more", message).groups()
     assert run(f"loading.deck_variables.servo_gain={gain}").returncode == 0
     assert run(f"fluid.compressibility_per_Pa={compressibility}").returncode == 0
