@@ -22,6 +22,8 @@ MESSAGE_BYTES = 4096
 #: Row lengths of poreslip_contacts and poreslip_take_breaks, see liggghts-inputs/styles/liggghts/poreslip_styles.h.
 CONTACT_COLUMNS, BREAK_COLUMNS = 13, 10
 RAISED_ON_ALL, RAISED_ON_ONE = 1, 2
+#: `image` of a grain that has crossed no periodic boundary: 512 in each of three fields of ten bits.
+IN_THE_BOX = 512 << 20 | 512 << 10 | 512
 
 _COLUMNS = {"x": 3, "v": 3, "f": 3, "omega": 3, "torque": 3}
 _SCALARS = {"radius": np.float64, "rmass": np.float64, "density": np.float64}
@@ -243,8 +245,8 @@ class LiggghtsEngine:
         """Positions (n, 3) as if the box had no periodic boundary, m; a copy."""
         position = self.atom("x").copy()
         image = self.atom("image")
-        packed = np.stack([image & 1023, (image >> 10) & 1023, image >> 20], axis=1)
-        if not np.all(packed == 512):
+        if not np.all(image == IN_THE_BOX):
+            packed = np.stack([image & 1023, (image >> 10) & 1023, image >> 20], axis=1)
             lower, upper = (np.array([self._global(f"box{axis}{end}", ctypes.c_double) for axis in "xyz"]) for end in ("lo", "hi"))
             position += (packed - 512) * (upper - lower)
         return position

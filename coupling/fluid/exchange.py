@@ -103,7 +103,7 @@ class StandingForces(Dry):
 
     def _force_times_position(self) -> float:
         """Sum over this rank's grains, J."""
-        return float((self._engine.property_atom("pore_force") * self._engine.unwrapped_position()).sum())
+        return float(np.einsum("ij,ij", self._engine.property_atom("pore_force"), self._engine.unwrapped_position()))
 
 
 class PrescribedFlow(StandingForces):
@@ -155,7 +155,7 @@ class PrescribedFlow(StandingForces):
 
         With the forces of (2) alone the drag in the throats is missing, and there is no such balance.
         """
-        sums = self._comm.allreduce(np.append(force.sum(axis=0), np.linalg.norm(force, axis=1).sum()))
+        sums = self._comm.allreduce(np.append(np.einsum("ij->j", force), np.sqrt(np.einsum("ij,ij->i", force, force)).sum()))
         resultant = sums[:3] + (wall_force[:, 1::2] - wall_force[:, 0::2]).sum(axis=0)
         size = sums[3] + np.abs(wall_force).sum()
         if size > 0.0:

@@ -48,7 +48,7 @@ class FaultGeometry:
 
     def across(self, position: np.ndarray) -> np.ndarray:
         """Distance of points (n, 3) from the middle of the layer, m, positive towards the right block; (n,)."""
-        return (position - self.centre) @ self.normal
+        return position @ self.normal - self.centre @ self.normal
 
     def x_on_interface(self, side: int, z: float) -> float:
         """x of the left (side = -1) or right (side = +1) interface at height z, m."""
