@@ -37,8 +37,8 @@ ROUNDING = 4e-16
 """Relative, of a pressure."""
 LEAST_BALANCE, SMALLEST_FLOW = 1e-3, 1e-140
 """The share of the throughput that must not be missing; and the throughput, m^3/s, below which squares of flows are no numbers any more."""
-LEAST_BALANCE = 1e-3
-"""A share of the throughput that must not be missing."""
+USUAL_IMBALANCE = 10.0
+"""What an ordinary solve leaves of the balance of all pores, before the shift that closes it, is at most this times its tolerance."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
 PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
@@ -193,7 +193,7 @@ class PoreFlow:
         conditions = (fixed, owner, source, rate)
         after, report = self._solve(conditions, given, 0.0, tolerance)
         missing, throughput = report["imbalance"], self._balance(conditions, after, None)[3]
-        if missing > tolerance * throughput:
+        if missing > USUAL_IMBALANCE * tolerance * throughput:
             driven, whole = self._driven(after, None)
             if throughput > tolerance * driven + ROUNDING * whole:
                 # Beside throats that conduct far more than others, the linear solver's residual is mostly theirs: once more, as much closer.

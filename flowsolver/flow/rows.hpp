@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -48,10 +49,13 @@ class EntryCollector {
   Entries entries() {
     Entries e;
     place_.resize(column_.size());
+    const auto filled = std::accumulate(filled_.begin(), filled_.end(), std::size_t{0});
     e.diagonal.resize(rows_);
     for (const bool own : {true, false}) {
       std::vector<PetscInt>& start = own ? e.start : e.other_start;
       std::vector<PetscInt>& columns = own ? e.column : e.other_column;
+      start.reserve(rows_ + 1);
+      if (own) columns.reserve(filled);
       for (std::size_t k = 0; k < rows_; ++k) {
         std::array<std::pair<PetscInt, std::int32_t>, width> found;
         int count = 0;
