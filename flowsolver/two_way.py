@@ -34,7 +34,7 @@ class TwoWayCoupling:
     Parameters
     ----------
     network, flow
-        The network must have been updated; the flow's fluid must have a compressibility above 0.
+        The network must have been updated; the flow's fluid must have a compressibility above 0, unless the split is "drained", and no body force.
     boundary
         What is given at the flow's edges; it may be replaced between intervals.
     pressure : (m,) float64, Pa, at the start
@@ -62,6 +62,9 @@ class TwoWayCoupling:
             faults.append(f'law is {law!r}: expected "total" or "pressure"')
         if split != "drained" and not (flow.storage > 0).all():
             faults.append(f"the split {split} needs a fluid with compressibility above 0")
+        if flow.body_force.any():
+            faults.append(f"the flow has a body force of {flow.body_force.tolist()} Pa/m, which two-way coupling does not take: "
+                          "let pressures be those above the fluid's at rest, and give the grains their weight less their buoyancy")  # fmt: skip
         network.agree(faults)
         network.remember_previous()
         self.network, self.flow, self.boundary, self.split, self.tolerance, self.law = network, flow, boundary, split, tolerance, law

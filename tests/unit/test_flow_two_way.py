@@ -136,3 +136,11 @@ def test_bad_input(pack):
     coupling.move(np.zeros_like(x), 1.0)
     with pytest.raises(InputError, match=r"call exchange\(\) first"):
         coupling.update(np.arange(120), x, r)
+
+
+def test_a_body_force_is_refused(pack):
+    """Its buoyancy is in no force of the interval's steps."""
+    net, flow, _, _ = pack
+    flow.refresh((0.0, 0.0, -9810.0))
+    with pytest.raises(InputError, match="body force of .*-9810"):
+        TwoWayCoupling(net, flow, DRAINED_BELOW, np.zeros(net.pores))
