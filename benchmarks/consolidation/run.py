@@ -10,15 +10,17 @@ against the first of the intervals. Figures are CPU seconds of the loading: engi
 peer is YADE's FlowEngine with a solve in every step: where yade is installed its rate is measured in the same run, by ../flow_update/yade_flow.py on as
 many grains; else it is the 0.21 million grain-steps a second of 8000 grains on this class of machine.
 
-Measured on one core of an AMD EPYC (2026-11-22), 8106 grains, 5652 steps, with flow.solver_tolerance = 1e-12, four times as many iterations as the case has now;
-the first of the intervals is 10 steps; the figures move by a tenth from run to run. Undrained at 10 steps was 0.0081 to Terzaghi's.
+Measured on one core of an AMD EPYC (2026-11-22, `--rows predicted:10 predicted:50 predicted:100 predicted:150 predicted:200`), 8106 grains, 5652 steps,
+with a test suite on the other core; figures move by a tenth from run to run, those over dry with the dry run's. YADE made 0.228 million
+grain-steps a CPU second in the same run. Undrained at 10 steps, of first order, was 0.0081 to Terzaghi's.
 
-                     to Terzaghi  to first  engine  forces    mesh   solve   total  over dry  M grain-steps/s  over 0.21
-                dry                            9.8     0.0     0.0     0.0     9.8      1.00             4.67       22.3
-       predicted 10       0.0048    0.0000    10.6     9.4     5.0    54.3    79.3      8.09             0.58        2.8
-       predicted 50       0.0057    0.0016    10.3     4.0     1.1    14.2    29.5      3.01             1.55        7.4
-      predicted 100       0.0078    0.0040     9.8     3.6     0.5     7.5    21.5      2.19             2.13       10.2
-      predicted 200       0.0176    0.0175    10.8     4.2     0.3     4.7    20.1      2.05             2.28       10.9
+                 to Terzaghi  to first  engine  forces    mesh   solve   total  over dry  M grain-steps/s  over peer
+            dry                           10.9     0.0     0.0     0.0    10.9      1.00             4.22       18.5
+   predicted 10       0.0049    0.0000    10.7    10.0     4.5    12.6    37.8      3.48             1.21        5.3
+   predicted 50       0.0057    0.0016    11.1     4.6     1.0     3.7    20.3      1.87             2.25        9.9
+  predicted 100       0.0078    0.0040    10.1     3.4     0.5     2.0    16.0      1.47             2.87       12.6
+  predicted 150       0.0178    0.0278    10.0     3.1     0.4     1.5    15.0      1.38             3.06       13.4
+  predicted 200       0.0176    0.0175     9.2     2.4     0.3     1.1    13.0      1.19             3.53       15.5
 """
 
 from __future__ import annotations
