@@ -54,8 +54,9 @@ take("implicit", stepped)
 if not all(periodic):
     take("explicit", flow.explicit(boundary, steady.pressure, 1e-10, net.volume_rate(velocity)))
 
-# Two-way, from the implicit pressures: nine steps in three intervals, the last of them not yet solved.
+# Two-way, from the implicit pressures, without a body force: nine steps in three intervals, the last of them not yet solved.
 if not all(periodic):
+    flow.refresh()
     walls = np.array([[0.0, 0.0, 2e-5, 0.0, 0.0 if periodic[2] else 1e-5, 0.0]])
     for split in ("undrained", "predicted"):
         coupling = TwoWayCoupling(net, flow, boundary, pressure, split, tolerance=1e-13)
