@@ -6,14 +6,15 @@ import atexit
 import difflib
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
+from flowsolver.boundary import Boundary, Conditions
 from flowsolver.native import load
 from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ComputationError, ForceLaw, PoreNetwork, checked_array
 
@@ -23,7 +24,6 @@ _native = load("poreslip_flow")
 # PETSc must end before MPI does, which mpi4py ends after all functions that are registered here.
 atexit.register(_native.finalize)
 
-FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
 TOLERANCE = 1e-10
 """Default relative tolerance of the linear solver: the balance of mass closes as well as this."""
 LIMIT_SHARE = 0.9
@@ -41,32 +41,6 @@ USUAL_IMBALANCE = 10.0
 """What an ordinary solve leaves of the balance of all pores, before the shift that closes it, is at most this times its tolerance."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
-PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """What is given at the edges of the flow. A wall that is not named lets nothing through.
-
-    pressure
-        Face ("xmin" ... "zmax") to pressure in Pa, or to a function of pore centres (k, 3) in m that returns (k,) Pa: the pores
-        that touch that wall have this pressure. Where the array that it returns is masked (numpy.ma) the wall lets nothing through.
-    inflow
-        Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
-    points
-        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
-    sources
-        (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
-    inside
-        Function of pore centres (m, 3) in m that returns (m,) Pa: pores that have this pressure wherever they lie. Those where the array
-        is masked are free. Faces and points come first.
-    """
-
-    pressure: Mapping[str, PressureValue] = field(default_factory=dict)
-    inflow: Mapping[str, PressureValue] = field(default_factory=dict)
-    points: Sequence[tuple[float, float, float, float]] = ()
-    sources: Sequence[tuple[float, float, float, float]] = ()
-    inside: Callable[[NDArray[np.float64]], ArrayLike] | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +66,10 @@ class FlowResult:
     report: dict[str, Any]
     rate: NDArray[np.float64] | None = None
     pore_residual: float | None = None
+
+
+def _tolerance_faults(tolerance: float) -> list[str]:
+    return [] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"]
 
 
 def _together(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
@@ -182,16 +160,16 @@ class PoreFlow:
 
     def given(self, boundary: Boundary) -> NDArray[np.bool_]:
         """(m,) bool: pores whose pressure the boundary gives. Collective."""
-        return self._conditions(boundary, None, None)[0]
+        return Conditions.of(self.network, boundary).fixed
 
     def steady(
         self, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
     ) -> FlowResult:
         """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean
         over the pores is kept."""
-        fixed, owner, given, _, source, rate = self._conditions(boundary, pressure, volume_rate, tolerance)
-        conditions = (fixed, owner, source, rate)
-        after, report = self._solve(conditions, given, 0.0, tolerance)
+        self.network.agree(_tolerance_faults(tolerance))
+        conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
+        after, report = self._solve(conditions, conditions.given, 0.0, tolerance)
         missing, throughput = report["imbalance"], self._balance(conditions, after, None)[3]
         if missing > USUAL_IMBALANCE * tolerance * throughput:
             driven, whole = self._driven(after, None)
@@ -200,7 +178,7 @@ class PoreFlow:
                 closer = max(0.03 * tolerance * tolerance * throughput / missing, ROUNDING)
                 after, again = self._solve(conditions, after, 0.0, closer)
                 report = _together(report, again)
-        return self._result(boundary, conditions, after, after, None, report, tolerance)
+        return self._result(conditions, after, after, None, report, tolerance)
 
     def implicit(
         self,
@@ -220,33 +198,35 @@ class PoreFlow:
         faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
         if order not in (1, 2):
             faults.append(f"order is {order!r}: expected 1 or 2")
-        self.network.agree(faults)
-        fixed, owner, given, before, source, rate = self._conditions(boundary, pressure, volume_rate, tolerance)
-        conditions = (fixed, owner, source, rate)
+        self.network.agree(faults + _tolerance_faults(tolerance))
+        conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
+        given, before = conditions.given, conditions.before
         if order == 1:
             after, report = self._solve(conditions, given, dt, tolerance)
             change = (after - before) / dt
-            return self._result(boundary, conditions, after, after, change, report, tolerance, change)
+            return self._result(conditions, after, after, change, report, tolerance, change)
         stage = STAGE * dt
         midway, first = self._solve(conditions, given, stage, tolerance)
         from_first = before + (1.0 / STAGE - 1.0) * (midway - before)
-        after, report = self._solve(conditions, np.where(fixed, given, from_first), stage, tolerance)
+        after, report = self._solve(conditions, np.where(conditions.fixed, given, from_first), stage, tolerance)
         flowing = midway + STAGE * (after - midway)
         report = _together(first, report)
-        return self._result(boundary, conditions, after, flowing, (after - before) / dt, report, tolerance, (after - from_first) / stage)
+        return self._result(conditions, after, flowing, (after - before) / dt, report, tolerance, (after - from_first) / stage)
 
     def explicit(
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
     ) -> FlowResult:
         """Explicit steps (9) over `dt` (s), as many as the stability limit asks for. The outflow is that at the end."""
         self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
-        fixed, owner, start, before, source, rate = self._conditions(boundary, pressure, volume_rate)
+        conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         if self.storage.size and not (self.storage > 0).all():
             self.network.agree(["explicit flow needs a fluid with compressibility above 0"])
         self.network.agree([])
-        after, report = self._native.step_explicit(fixed, start, source, rate, float(dt), LIMIT_SHARE, most_substeps)
-        supply = self._native.outflow(after) - source + rate
-        return FlowResult(after, self._outflow(boundary, owner, supply), None, report)
+        after, report = self._native.step_explicit(
+            conditions.fixed, conditions.given, conditions.source, conditions.volume_rate, float(dt), LIMIT_SHARE, most_substeps
+        )
+        supply = self._native.outflow(after) - conditions.source + conditions.volume_rate
+        return FlowResult(after, conditions.outflow(supply), None, report)
 
     def forces(self, pressure: ArrayLike, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """`PoreNetwork.forces` of pressures (m,) Pa, with the body force of the last `refresh`."""
@@ -262,15 +242,14 @@ class PoreFlow:
         self.network.comm.Allreduce(MPI.IN_PLACE, moved)
         return moved / self.network.lengths.prod()
 
-    def _solve(self, conditions: tuple, pressure: NDArray[np.float64], dt: float, tolerance: float) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    def _solve(self, conditions: Conditions, pressure: NDArray[np.float64], dt: float, tolerance: float) -> tuple[NDArray[np.float64], dict[str, Any]]:
         """One system, with what is given in the place of the pressures before; steady for dt = 0. The pressures, (m,) Pa, and a report."""
-        fixed, _, source, volume_rate = conditions
-        after, report = self._native.solve(fixed, pressure, source, volume_rate, dt, tolerance)
+        after, report = self._native.solve(conditions.fixed, pressure, conditions.source, conditions.volume_rate, dt, tolerance)
         if self._unchecked_options and report["unknowns"]:
             self._check_options()
         return after, report
 
-    def _result(self, boundary: Boundary, conditions: tuple, after: NDArray, flowing: NDArray, change: NDArray | None, report: dict[str, Any],
+    def _result(self, conditions: Conditions, after: NDArray, flowing: NDArray, change: NDArray | None, report: dict[str, Any],
                 tolerance: float, rate: NDArray | None = None) -> FlowResult:  # fmt: skip
         """A solve's result. after, flowing: (m,) Pa, at the end and those that the fluid flowed by; change: (m,) Pa/s, over the step, None: steady."""
         supply, missing, of_each, throughput = self._balance(conditions, flowing, change)
@@ -284,7 +263,7 @@ class PoreFlow:
                 "viscosity, pressures and box"
             )
         missing, of_each = (missing / throughput, of_each / throughput) if throughput > 0 else (0.0, 0.0)
-        return FlowResult(after, self._outflow(boundary, conditions[1], supply), missing, report, rate, of_each)
+        return FlowResult(after, conditions.outflow(supply), missing, report, rate, of_each)
 
     def _check_options(self) -> None:
         """Once the linear solver has asked for its options: refuse those that it did not ask for."""
@@ -298,10 +277,10 @@ class PoreFlow:
             faults.append(f"-{name} is no option of this linear solver and preconditioner: {hint}")
         self.network.agree(faults)
 
-    def _balance(self, conditions: tuple, flowing: NDArray, change: NDArray | None) -> tuple[NDArray[np.float64], float, float, float]:
+    def _balance(self, conditions: Conditions, flowing: NDArray, change: NDArray | None) -> tuple[NDArray[np.float64], float, float, float]:
         """What must come from outside for every pore's balance (7) to hold, (m,) m^3/s: through a face where the pressure is given, else 0.
         Of it, over free pores, the sum and the sum of the sizes; and the throughput, m^3/s over all ranks."""
-        fixed, _, source, rate = conditions
+        fixed, source, rate = conditions.fixed, conditions.source, conditions.volume_rate
         owned = self.network.owned
         supply = self._native.outflow(flowing) - source + rate
         stored = self.storage * change if change is not None else np.zeros(len(flowing))
@@ -332,93 +311,3 @@ class PoreFlow:
         for axis in np.flatnonzero(self.network.periodic):
             step[:, axis] -= self.network.lengths[axis] * np.round(step[:, axis] / self.network.lengths[axis])
         return left, right, step
-
-    def _conditions(self, boundary: Boundary, pressure: ArrayLike | None, volume_rate: ArrayLike | None, tolerance: float = TOLERANCE):
-        """Arrays of one solve: fixed, which condition fixed it, pressure before with what is given in its place, pressure before, source, volume
-        rate; each (m,)."""
-        network, faults = self.network, [] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"]
-        m = network.pores
-        before = np.zeros(m) if pressure is None else checked_array("pressure", pressure, np.float64, (m,), faults)
-        rate = np.zeros(m) if volume_rate is None else checked_array("volume_rate", volume_rate, np.float64, (m,), faults)
-        if not np.isfinite(before).all():
-            faults.append("pressure has entries that are not finite")
-        if not np.isfinite(rate).all():
-            faults.append("volume_rate has entries that are not finite")
-        for face in [*boundary.pressure, *boundary.inflow]:
-            if face not in FACES:
-                faults.append(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
-            elif network.periodic[FACES.index(face) // 2]:
-                faults.append(f"face {face!r} is periodic: it takes neither pressure nor inflow")
-        for face in boundary.inflow:
-            if face in boundary.pressure:
-                faults.append(f"face {face!r} has both a pressure and an inflow")
-        for point in [*boundary.points, *boundary.sources]:
-            if not np.isfinite(point).all():
-                faults.append(f"the point {tuple(point)} is not of finite numbers")
-        network.agree(faults)
-
-        owner = np.full(m, -1)
-        start, source = before.copy(), np.zeros(m)
-        vertices, centre = network.grains_of_pore, network.pore_centre
-        for index, (face, value) in enumerate(boundary.pressure.items()):
-            touching = np.flatnonzero((vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0))
-            given = np.ma.asarray(value(centre[touching]) if callable(value) else np.full(len(touching), value))
-            touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
-            start[touching] = given
-            owner[touching] = index
-        pointed = np.zeros(m, bool)
-        for *point, value in boundary.points:
-            holds = self._nearest(point, centre, vertices)
-            if (pointed[holds] & (start[holds] != value)).any():
-                faults.append(f"the point {tuple(point)} lies in a pore that another point gives another pressure: leave one of them out")
-            pointed[holds] = True
-            start[holds] = value
-            owner[holds] = len(boundary.pressure)
-        if boundary.inside is not None:
-            given = np.ma.asarray(boundary.inside(centre))
-            holds = ~np.ma.getmaskarray(given) & (owner < 0)
-            start[holds] = given.data[holds]
-            owner[holds] = len(boundary.pressure) + 1
-        if not np.isfinite(start).all():
-            faults.append("a given pressure is not a finite number")
-        network.agree(faults)
-        for face, value in boundary.inflow.items():
-            source += (flow := self._through(face, value, centre))
-            if not np.isfinite(flow).all():
-                faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
-        for *point, flow in boundary.sources:
-            source[self._nearest(point, centre, vertices)] += flow
-        network.agree(faults)
-        return owner >= 0, owner, start, before, source, rate
-
-    def _nearest(self, point: Sequence[float], centre: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(m,) bool: the pore whose centre is nearest to a point (3,) m, with its copies. Collective."""
-        comm = self.network.comm
-        distance = np.where(self.network.owned, np.linalg.norm(centre - np.array(point), axis=1), np.inf) if len(centre) else np.array([np.inf])
-        nearest, rank = comm.allreduce((float(distance.min()), comm.rank), op=MPI.MINLOC)
-        grains = comm.bcast(np.sort(vertices[distance.argmin()]) if rank == comm.rank else None, root=rank)
-        return (np.sort(vertices, axis=1) == grains).all(axis=1)
-
-    def _through(self, face: str, value: PressureValue, centre: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(m,) m^3/s: into each pore through a face with a given inflow, m/s."""
-        area = self.network.roof_area(face)
-        # The function is one of places at that wall.
-        touching = area != 0.0
-        flow = np.zeros(len(area))
-        flow[touching] = area[touching] * (value(centre[touching]) if callable(value) else value)
-        return flow
-
-    def _outflow(self, boundary: Boundary, owner: NDArray[np.int_], supply: NDArray[np.float64]) -> dict[str, float]:
-        """Flow out of the box, m^3/s, by face and over all ranks."""
-        names = [*boundary.pressure, "points", "inside", *boundary.inflow]
-        owned, centre = self.network.owned, self.network.pore_centre if boundary.inflow else None
-        given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
-        sums = np.array([*given, *(-self._through(face, value, centre)[owned].sum() for face, value in boundary.inflow.items())])
-        self.network.comm.Allreduce(MPI.IN_PLACE, sums)
-        outflow = dict(zip(names, sums.tolist()))
-        outflow["points"] -= float(sum(source[3] for source in boundary.sources))
-        if not boundary.points and not boundary.sources:
-            del outflow["points"]
-        if boundary.inside is None:
-            del outflow["inside"]
-        return outflow

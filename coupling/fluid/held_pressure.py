@@ -1,4 +1,4 @@
-"""Where the pressures of a solved flow are given, and what they are at the start. Loads PETSc with the flow solver."""
+"""Where the pressures of a solved flow are given, and what they are at the start."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from flowsolver.flow import Boundary
+from flowsolver.boundary import Boundary
 from flowsolver.network import PoreNetwork
 
 from coupling.case.run_case import RunCase

@@ -44,7 +44,7 @@ def flow_of(network, viscosity: float = VISCOSITY, compressibility: float = WATE
 
 
 def driven(pressure=GRADIENT):
-    from flowsolver.flow import Boundary
+    from flowsolver.boundary import Boundary
 
     return Boundary(pressure=dict(pressure))
 
@@ -128,11 +128,13 @@ def _explicit():
 
 def explicit_limit() -> Outcome:
     """The native scheme with steps that the program never makes, from a pressure that changes sign from pore to pore."""
+    from flowsolver.boundary import Conditions
+
     network, flow, boundary, predicted = _explicit()
-    fixed, _, start, _, source, rate = flow._conditions(boundary, np.random.default_rng(1).uniform(-1e5, 1e5, network.pores), None)
+    at = Conditions.of(network, boundary, np.random.default_rng(1).uniform(-1e5, 1e5, network.pores))
 
     def stable(share: float) -> bool:
-        after, _ = flow._native.step_explicit(fixed, start, source, rate, 4000 * share * predicted, share, 10**7)
+        after, _ = flow._native.step_explicit(at.fixed, at.given, at.source, at.volume_rate, 4000 * share * predicted, share, 10**7)
         return bool(np.abs(after).max() < 1e6)
 
     # 2 / (largest rate) of M-matrices: at least beta V / sum(C / l), where a pore alone would overshoot, and at most twice it.

@@ -11,9 +11,9 @@ from typing import Any, NoReturn
 
 from mpi4py import MPI
 
-from flowsolver.command.run import run
-from flowsolver.flow import FACES
+from flowsolver.boundary import FACES
 from flowsolver.command.formula import Formula
+from flowsolver.command.run import run
 from flowsolver.network import ComputationError, InputError
 
 INPUT_ERROR, COMPUTATION_ERROR = 2, 3

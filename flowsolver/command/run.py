@@ -13,10 +13,11 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from flowsolver.boundary import FACES, Boundary
 from flowsolver.command import files
-from flowsolver.flow import FACES, Boundary, FlowResult, PoreFlow
 from flowsolver.command.formula import Formula
 from flowsolver.command.grain_file import Grains, read_grains
+from flowsolver.flow import FlowResult, PoreFlow
 from flowsolver.network import InputError, PoreNetwork
 
 

@@ -1,0 +1,155 @@
+"""What is given at the edges of a flow, and what that means pore by pore."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import ArrayLike, NDArray
+
+from flowsolver.network import PoreNetwork, checked_array
+
+FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What is given at the edges of the flow. A wall that is not named lets nothing through.
+
+    pressure
+        Face ("xmin" ... "zmax") to pressure in Pa, or to a function of pore centres (k, 3) in m that returns (k,) Pa: the pores
+        that touch that wall have this pressure. Where the array that it returns is masked (numpy.ma) the wall lets nothing through.
+    inflow
+        Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
+    points
+        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
+    sources
+        (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
+    inside
+        Function of pore centres (m, 3) in m that returns (m,) Pa: pores that have this pressure wherever they lie. Those where the array
+        is masked are free. Faces and points come first.
+    """
+
+    pressure: Mapping[str, PressureValue] = field(default_factory=dict)
+    inflow: Mapping[str, PressureValue] = field(default_factory=dict)
+    points: Sequence[tuple[float, float, float, float]] = ()
+    sources: Sequence[tuple[float, float, float, float]] = ()
+    inside: Callable[[NDArray[np.float64]], ArrayLike] | None = None
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """A boundary on the pores of a network as it stands, and what else one solve starts from; arrays (m,) of all pores that this rank sees.
+
+    fixed : bool, pores whose pressure is given
+    owner : int, which of the boundary's conditions gave it, in its order; -1 for none
+    before : float64, Pa, pressures at the start
+    given : float64, Pa, the same with what is given in its place
+    source : float64, m^3/s, of faces with an inflow and of points
+    volume_rate : float64, m^3/s, dV/dt
+    """
+
+    network: PoreNetwork
+    boundary: Boundary
+    fixed: NDArray[np.bool_]
+    owner: NDArray[np.int_]
+    before: NDArray[np.float64]
+    given: NDArray[np.float64]
+    source: NDArray[np.float64]
+    volume_rate: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, network: PoreNetwork, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None) -> Conditions:
+        """From pressures and volume rates, (m,) Pa and m^3/s, 0 where they are left out. InputError names what does not fit. Collective."""
+        faults: list[str] = []
+        m = network.pores
+        before = np.zeros(m) if pressure is None else checked_array("pressure", pressure, np.float64, (m,), faults)
+        rate = np.zeros(m) if volume_rate is None else checked_array("volume_rate", volume_rate, np.float64, (m,), faults)
+        if not np.isfinite(before).all():
+            faults.append("pressure has entries that are not finite")
+        if not np.isfinite(rate).all():
+            faults.append("volume_rate has entries that are not finite")
+        for face in [*boundary.pressure, *boundary.inflow]:
+            if face not in FACES:
+                faults.append(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
+            elif network.periodic[FACES.index(face) // 2]:
+                faults.append(f"face {face!r} is periodic: it takes neither pressure nor inflow")
+        for face in boundary.inflow:
+            if face in boundary.pressure:
+                faults.append(f"face {face!r} has both a pressure and an inflow")
+        for point in [*boundary.points, *boundary.sources]:
+            if not np.isfinite(point).all():
+                faults.append(f"the point {tuple(point)} is not of finite numbers")
+        network.agree(faults)
+
+        owner = np.full(m, -1)
+        start, source = before.copy(), np.zeros(m)
+        vertices, centre = network.grains_of_pore, network.pore_centre
+        for index, (face, value) in enumerate(boundary.pressure.items()):
+            touching = np.flatnonzero((vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0))
+            given = np.ma.asarray(value(centre[touching]) if callable(value) else np.full(len(touching), value))
+            touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
+            start[touching] = given
+            owner[touching] = index
+        pointed = np.zeros(m, bool)
+        for *point, value in boundary.points:
+            holds = _nearest(network, point, centre, vertices)
+            if (pointed[holds] & (start[holds] != value)).any():
+                faults.append(f"the point {tuple(point)} lies in a pore that another point gives another pressure: leave one of them out")
+            pointed[holds] = True
+            start[holds] = value
+            owner[holds] = len(boundary.pressure)
+        if boundary.inside is not None:
+            given = np.ma.asarray(boundary.inside(centre))
+            holds = ~np.ma.getmaskarray(given) & (owner < 0)
+            start[holds] = given.data[holds]
+            owner[holds] = len(boundary.pressure) + 1
+        if not np.isfinite(start).all():
+            faults.append("a given pressure is not a finite number")
+        network.agree(faults)
+        for face, value in boundary.inflow.items():
+            source += (flow := _through(network, face, value, centre))
+            if not np.isfinite(flow).all():
+                faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
+        for *point, flow in boundary.sources:
+            source[_nearest(network, point, centre, vertices)] += flow
+        network.agree(faults)
+        return cls(network, boundary, owner >= 0, owner, before, start, source, rate)
+
+    def outflow(self, supply: NDArray[np.float64]) -> dict[str, float]:
+        """Flow out of the box, m^3/s, by face and over all ranks, as `FlowResult` has it. supply (m,) m^3/s: what each pore needs from outside. Collective."""
+        boundary, owner, network = self.boundary, self.owner, self.network
+        names = [*boundary.pressure, "points", "inside", *boundary.inflow]
+        owned, centre = network.owned, network.pore_centre if boundary.inflow else None
+        given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
+        sums = np.array([*given, *(-_through(network, face, value, centre)[owned].sum() for face, value in boundary.inflow.items())])
+        network.comm.Allreduce(MPI.IN_PLACE, sums)
+        outflow = dict(zip(names, sums.tolist()))
+        outflow["points"] -= float(sum(source[3] for source in boundary.sources))
+        if not boundary.points and not boundary.sources:
+            del outflow["points"]
+        if boundary.inside is None:
+            del outflow["inside"]
+        return outflow
+
+
+def _nearest(network: PoreNetwork, point: Sequence[float], centre: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(m,) bool: the pore whose centre is nearest to a point (3,) m, with its copies. Collective."""
+    comm = network.comm
+    distance = np.where(network.owned, np.linalg.norm(centre - np.array(point), axis=1), np.inf) if len(centre) else np.array([np.inf])
+    nearest, rank = comm.allreduce((float(distance.min()), comm.rank), op=MPI.MINLOC)
+    grains = comm.bcast(np.sort(vertices[distance.argmin()]) if rank == comm.rank else None, root=rank)
+    return (np.sort(vertices, axis=1) == grains).all(axis=1)
+
+
+def _through(network: PoreNetwork, face: str, value: PressureValue, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m,) m^3/s: into each pore through a face with a given inflow, m/s."""
+    area = network.roof_area(face)
+    # The function is one of places at that wall.
+    touching = area != 0.0
+    flow = np.zeros(len(area))
+    flow[touching] = area[touching] * (value(centre[touching]) if callable(value) else value)
+    return flow
