@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from flowsolver.network import PoreNetwork, checked_array
 
 FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
+SAME_PLACE = 1e-12
+"""Of the box's longest side: what rounding leaves between places that are the same."""
 PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
 
 
@@ -25,7 +27,7 @@ class Boundary:
     inflow
         Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
     points
-        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point has this pressure.
+        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point, across periods too, has this pressure.
     sources
         (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
     inside
@@ -81,8 +83,8 @@ class Conditions:
             if face in boundary.pressure:
                 faults.append(f"face {face!r} has both a pressure and an inflow")
         for point in [*boundary.points, *boundary.sources]:
-            if not np.isfinite(point).all():
-                faults.append(f"the point {tuple(point)} is not of finite numbers")
+            if len(point) != 4 or not np.isfinite(point).all():
+                faults.append(f"the point {tuple(point)} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
         network.agree(faults)
 
         owner = np.full(m, -1)
@@ -90,7 +92,7 @@ class Conditions:
         vertices, centre = network.grains_of_pore, network.pore_centre
         for index, (face, value) in enumerate(boundary.pressure.items()):
             touching = np.flatnonzero((vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0))
-            given = np.ma.asarray(value(centre[touching]) if callable(value) else np.full(len(touching), value))
+            given = _values(f"the pressure of face {face!r}", value, centre[touching], faults)
             touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
             start[touching] = given
             owner[touching] = index
@@ -103,7 +105,7 @@ class Conditions:
             start[holds] = value
             owner[holds] = len(boundary.pressure)
         if boundary.inside is not None:
-            given = np.ma.asarray(boundary.inside(centre))
+            given = _values("the pressure inside", boundary.inside, centre, faults)
             holds = ~np.ma.getmaskarray(given) & (owner < 0)
             start[holds] = given.data[holds]
             owner[holds] = len(boundary.pressure) + 1
@@ -111,7 +113,7 @@ class Conditions:
             faults.append("a given pressure is not a finite number")
         network.agree(faults)
         for face, value in boundary.inflow.items():
-            source += (flow := _through(network, face, value, centre))
+            source += (flow := _through(network, face, value, centre, faults))
             if not np.isfinite(flow).all():
                 faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
         for *point, flow in boundary.sources:
@@ -125,7 +127,7 @@ class Conditions:
         names = [*boundary.pressure, "points", "inside", *boundary.inflow]
         owned, centre = network.owned, network.pore_centre if boundary.inflow else None
         given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
-        sums = np.array([*given, *(-_through(network, face, value, centre)[owned].sum() for face, value in boundary.inflow.items())])
+        sums = np.array([*given, *(-_through(network, face, value, centre, [])[owned].sum() for face, value in boundary.inflow.items())])
         network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
         outflow["points"] -= float(sum(source[3] for source in boundary.sources))
@@ -136,20 +138,44 @@ class Conditions:
         return outflow
 
 
+def _values(name: str, value: PressureValue, place: NDArray[np.float64], faults: list[str]) -> np.ma.MaskedArray:
+    """(k,) float64: a value at places (k, 3) in m. One that fails, or does not fit, is added to `faults`, so that all ranks hear of it."""
+    try:
+        found = np.ma.asarray(value(place) if callable(value) else np.full(len(place), value), float)
+    except Exception as error:  # a caller's function raises whatever it likes
+        faults.append(f"{name} cannot be had: {type(error).__name__}: {error}")
+        return np.ma.zeros(len(place))
+    if found.ndim == 0:
+        found = np.ma.asarray(np.ma.resize(found, len(place)))
+    if found.shape != (len(place),):
+        faults.append(f"{name} has shape {found.shape} at {len(place)} places: expected ({len(place)},)")
+        return np.ma.zeros(len(place))
+    return found
+
+
 def _nearest(network: PoreNetwork, point: Sequence[float], centre: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(m,) bool: the pore whose centre is nearest to a point (3,) m, with its copies. Collective."""
-    comm = network.comm
-    distance = np.where(network.owned, np.linalg.norm(centre - np.array(point), axis=1), np.inf) if len(centre) else np.array([np.inf])
-    nearest, rank = comm.allreduce((float(distance.min()), comm.rank), op=MPI.MINLOC)
-    grains = comm.bcast(np.sort(vertices[distance.argmin()]) if rank == comm.rank else None, root=rank)
-    return (np.sort(vertices, axis=1) == grains).all(axis=1)
+    """(m,) bool: the pore whose centre is nearest to a point (3,) m, across periods too, with its copies; of several as near the one of the
+    grains with the lowest ids, whatever the ranks. Collective."""
+    step = centre - np.array(point)
+    for axis in np.flatnonzero(network.periodic):
+        step[:, axis] -= network.lengths[axis] * np.round(step[:, axis] / network.lengths[axis])
+    distance = np.where(network.owned, np.linalg.norm(step, axis=1), np.inf)
+    least = network.comm.allreduce(float(distance.min(initial=np.inf)), op=MPI.MIN)
+    near = np.flatnonzero(distance <= least + SAME_PLACE * network.lengths.max())
+    candidates = [(np.sort(vertices[k]).tolist(), step[k].tolist(), network.comm.rank, int(k)) for k in near]
+    *_, rank, index = min(candidate for part in network.comm.allgather(candidates) for candidate in part)
+    holds = np.zeros(len(centre))
+    if rank == network.comm.rank:
+        holds[index] = 1.0
+    # Its grains alone do not tell a pore from others where a period is short.
+    return network.native.share(holds) > 0.0
 
 
-def _through(network: PoreNetwork, face: str, value: PressureValue, centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def _through(network: PoreNetwork, face: str, value: PressureValue, centre: NDArray[np.float64], faults: list[str]) -> NDArray[np.float64]:
     """(m,) m^3/s: into each pore through a face with a given inflow, m/s."""
     area = network.roof_area(face)
     # The function is one of places at that wall.
     touching = area != 0.0
     flow = np.zeros(len(area))
-    flow[touching] = area[touching] * (value(centre[touching]) if callable(value) else value)
+    flow[touching] = area[touching] * _values(f"the inflow of face {face!r}", value, centre[touching], faults).filled(0.0)
     return flow

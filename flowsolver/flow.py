@@ -306,8 +306,6 @@ class PoreFlow:
     def _owned_throats(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
         """Of this rank's own throats: pores on the left and right, (t,) each, and the step from one's centre to the other's, (t, 3) m."""
         left, right = self.network.pores_of_throat[self.network.owned_throats].T
-        centre = self.network.pore_centre
-        step = centre[right] - centre[left]
-        for axis in np.flatnonzero(self.network.periodic):
-            step[:, axis] -= self.network.lengths[axis] * np.round(step[:, axis] / self.network.lengths[axis])
-        return left, right, step
+        # Beside a wall the next pore's centre may be further off than half a period.
+        centre = self.network.native.unwrapped_centre()
+        return left, right, centre[right] - centre[left]

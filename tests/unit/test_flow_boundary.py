@@ -1,0 +1,101 @@
+"""What is given at the edges of a flow: which pores a point means, also where periods are short; functions that fail."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geometry_reference import random_pack
+from mpi4py import MPI
+
+from flowsolver import InputError, PoreNetwork
+from flowsolver.flow import Boundary, PoreFlow
+
+
+def make_flow(position, radius, upper, periodic, viscosity=1e-3, compressibility=0.0, body_force=(0.0, 0.0, 0.0)) -> PoreFlow:
+    network = PoreNetwork(MPI.COMM_SELF, [0.0] * 3, upper, periodic)
+    network.update(np.arange(len(position)), position, np.broadcast_to(radius, len(position)).copy())
+    flow = PoreFlow(network, viscosity, compressibility)
+    flow.refresh(body_force)
+    return flow
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_point_is_one_pore_where_several_are_of_the_same_grains(count):
+    """In boxes of one or a few grains pores differ by the images of their grains alone."""
+    x = np.random.default_rng(2).uniform(size=(count, 3))
+    flow = make_flow(x, 0.2 * count ** (-1 / 3), [1.0] * 3, (True,) * 3, compressibility=1e-9)
+    network = flow.network
+    vertices = np.sort(network.grains_of_pore[network.owned], axis=1)
+    assert len(np.unique(vertices, axis=0)) < len(vertices)
+    place = network.pore_centre[network.owned][3]
+    assert np.count_nonzero(flow.given(Boundary(points=[(*place, 1.0)])) & network.owned) == 1
+    rate = 1e-6
+    after = flow.implicit(Boundary(sources=[(*place, rate)]), np.zeros(network.pores), 2.0)
+    assert flow.storage[network.owned] @ after.pressure[network.owned] == pytest.approx(2.0 * rate, rel=1e-9)
+    drained = flow.steady(Boundary(points=[(*place, 5.0)], sources=[(0.1, 0.2, 0.3, rate)]))
+    assert drained.outflow["points"] == pytest.approx(0.0, abs=1e-6 * rate)
+
+
+def test_a_point_is_nearest_across_a_period_too():
+    """A pack, and the same moved along the period together with its point, so that the point comes to lie at the other end."""
+    x, r = random_pack(60, (0.08, 0.12), 5)
+    found = []
+    for moved in (0.0, 0.37):
+        flow = make_flow((x + [moved, 0.0, 0.0]) % 1.0, r, [1.0] * 3, (True, False, False))
+        result = flow.steady(Boundary(pressure={"zmin": 0.0}, points=[((0.62 + moved) % 1.0, 0.5, 0.5, 1.0)]))
+        found.append(result.outflow["zmin"])
+    for moved in (0.375, 0.379, 0.385):
+        flow = make_flow((x + [moved, 0.0, 0.0]) % 1.0, r, [1.0] * 3, (True, False, False))
+        found.append(flow.steady(Boundary(pressure={"zmin": 0.0}, points=[((0.62 + moved) % 1.0, 0.5, 0.5, 1.0)])).outflow["zmin"])
+    np.testing.assert_allclose(found, found[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("periodic", [(True, True, True), (False, True, True), (False, True, False)])
+def test_flow_along_a_short_period(periodic):
+    """Its pack nine times over has the same flow: beside walls, pores reach further than half a period."""
+    x = np.random.default_rng(2).uniform([0.05, 0.0, 0.05], [0.95, 0.15, 0.95], (7, 3))
+    found = []
+    for times in (1, 9):
+        repeated = np.concatenate([x + [0.0, 0.15 * k, 0.0] for k in range(times)])
+        flow = make_flow(repeated, 0.04, [1.0, 0.15 * times, 1.0], periodic, body_force=(0.0, 1.0, 0.0))
+        found.append(flow.darcy_velocity(flow.steady(Boundary(), tolerance=1e-12).pressure)[1])
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def of_wrong_shape(place):
+    return np.zeros(len(place) + 1)
+
+
+def failing(place):
+    raise KeyError("no such table")
+
+
+@pytest.mark.parametrize(
+    ("boundary", "words"),
+    [
+        (Boundary(pressure={"xmin": of_wrong_shape}), "the pressure of face 'xmin' has shape"),
+        (Boundary(pressure={"xmin": failing}), "the pressure of face 'xmin' cannot be had: KeyError"),
+        (Boundary(pressure={"xmin": "low"}), "the pressure of face 'xmin' cannot be had"),
+        (Boundary(pressure={"xmin": 0.0}, inflow={"xmax": of_wrong_shape}), "the inflow of face 'xmax' has shape"),
+        (Boundary(inside=of_wrong_shape), "the pressure inside has shape"),
+        (Boundary(points=[(0.5, 0.5, 1.0)]), "not of four finite numbers"),
+        (Boundary(pressure={"xmin": 0.0}, sources=[(0.5, 0.5, 0.5, 1.0, 2.0)]), "not of four finite numbers"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused(boundary, words):
+    x, r = random_pack(20, (0.1, 0.15), 3)
+    flow = make_flow(x, r, [1.0] * 3, (False,) * 3)
+    with pytest.raises(InputError, match=words):
+        flow.steady(boundary)
+
+
+def test_where_an_inflow_is_masked_nothing_flows_in():
+    x, r = random_pack(40, (0.1, 0.13), 3)
+    flow = make_flow(x, r, [1.0] * 3, (False,) * 3)
+
+    def upper_half(place):
+        return np.ma.masked_array(np.full(len(place), 2.0), place[:, 2] < 0.5)
+
+    result = flow.steady(Boundary(pressure={"xmax": 0.0}, inflow={"xmin": upper_half}))
+    whole = flow.steady(Boundary(pressure={"xmax": 0.0}, inflow={"xmin": lambda place: np.where(place[:, 2] < 0.5, 0.0, 2.0)}))
+    assert result.outflow == pytest.approx(whole.outflow, rel=1e-9)
