@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -79,6 +79,17 @@ def _together(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
         "iterations": first["iterations"] + second["iterations"], "residual": max(first["residual"], second["residual"]),
         "preconditioner_kept": first["preconditioner_kept"] and second["preconditioner_kept"], "seconds": seconds,
     }  # fmt: skip
+
+
+class _Balance(NamedTuple):
+    """(7) at given pressures. supply : (m,) m^3/s, what must come from outside for every pore's balance to hold: through a face where the pressure is
+    given, else 0; missing, of_each : m^3/s over all ranks, of it, over free pores, the sum's size and the sum of the sizes; throughput : m^3/s over
+    all ranks."""
+
+    supply: NDArray[np.float64]
+    missing: float
+    of_each: float
+    throughput: float
 
 
 class PoreFlow:
@@ -170,15 +181,17 @@ class PoreFlow:
         self.network.agree(_tolerance_faults(tolerance))
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         after, report = self._solve(conditions, conditions.given, 0.0, tolerance)
-        missing, throughput = report["imbalance"], self._balance(conditions, after, None)[3]
+        balance = self._balance(conditions, after, None)
+        missing, throughput = report["imbalance"], balance.throughput
         if missing > USUAL_IMBALANCE * tolerance * throughput:
-            driven, whole = self._driven(after, None)
+            driven, whole = self._native.driven(after, None)
             if throughput > tolerance * driven + ROUNDING * whole:
                 # Beside throats that conduct far more than others, the linear solver's residual is mostly theirs: once more, as much closer.
                 closer = max(0.03 * tolerance * tolerance * throughput / missing, ROUNDING)
                 after, again = self._solve(conditions, after, 0.0, closer)
                 report = _together(report, again)
-        return self._result(conditions, after, after, None, report, tolerance)
+                balance = self._balance(conditions, after, None)
+        return self._result(conditions, balance, after, after, None, report, tolerance)
 
     def implicit(
         self,
@@ -204,14 +217,15 @@ class PoreFlow:
         if order == 1:
             after, report = self._solve(conditions, given, dt, tolerance)
             change = (after - before) / dt
-            return self._result(conditions, after, after, change, report, tolerance, change)
+            return self._result(conditions, self._balance(conditions, after, change), after, after, change, report, tolerance, change)
         stage = STAGE * dt
         midway, first = self._solve(conditions, given, stage, tolerance)
         from_first = before + (1.0 / STAGE - 1.0) * (midway - before)
         after, report = self._solve(conditions, np.where(conditions.fixed, given, from_first), stage, tolerance)
         flowing = midway + STAGE * (after - midway)
         report = _together(first, report)
-        return self._result(conditions, after, flowing, (after - before) / dt, report, tolerance, (after - from_first) / stage)
+        change, rate = (after - before) / dt, (after - from_first) / stage
+        return self._result(conditions, self._balance(conditions, flowing, change), after, flowing, change, report, tolerance, rate)
 
     def explicit(
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
@@ -249,12 +263,12 @@ class PoreFlow:
             self._check_options()
         return after, report
 
-    def _result(self, conditions: Conditions, after: NDArray, flowing: NDArray, change: NDArray | None, report: dict[str, Any],
+    def _result(self, conditions: Conditions, balance: _Balance, after: NDArray, flowing: NDArray, change: NDArray | None, report: dict[str, Any],
                 tolerance: float, rate: NDArray | None = None) -> FlowResult:  # fmt: skip
         """A solve's result. after, flowing: (m,) Pa, at the end and those that the fluid flowed by; change: (m,) Pa/s, over the step, None: steady."""
-        supply, missing, of_each, throughput = self._balance(conditions, flowing, change)
+        supply, missing, of_each, throughput = balance
         if missing > tolerance * throughput or throughput == 0.0:
-            driven, whole = self._driven(flowing, change)
+            driven, whole = self._native.driven(flowing, change)
             if throughput <= tolerance * driven + ROUNDING * whole:
                 throughput = whole
         if of_each > max(LEAST_BALANCE, 10 * tolerance) * throughput and throughput < SMALLEST_FLOW:
@@ -277,31 +291,8 @@ class PoreFlow:
             faults.append(f"-{name} is no option of this linear solver and preconditioner: {hint}")
         self.network.agree(faults)
 
-    def _balance(self, conditions: Conditions, flowing: NDArray, change: NDArray | None) -> tuple[NDArray[np.float64], float, float, float]:
-        """What must come from outside for every pore's balance (7) to hold, (m,) m^3/s: through a face where the pressure is given, else 0.
-        Of it, over free pores, the sum and the sum of the sizes; and the throughput, m^3/s over all ranks."""
-        fixed, source, rate = conditions.fixed, conditions.source, conditions.volume_rate
-        owned = self.network.owned
-        supply = self._native.outflow(flowing) - source + rate
-        stored = self.storage * change if change is not None else np.zeros(len(flowing))
-        supply += stored
-        brought = np.abs(supply[owned & fixed]).sum() + sum(np.abs(part[owned]).sum() for part in (source, rate, stored))
-        free = supply[owned & ~fixed]
-        sums = np.array([free.sum(), np.abs(free).sum(), brought])
-        self.network.comm.Allreduce(MPI.IN_PLACE, sums)
-        return supply, abs(float(sums[0])), float(sums[1]), float(sums[2])
-
-    def _driven(self, pressure: NDArray[np.float64], change: NDArray | None) -> tuple[float, float]:
-        """Flows through all throats one by one, m^3/s over all ranks: that differences of pressure and body force would drive, and that
-        pressures, body force and storage would if nothing stood against them."""
-        left, right, step = self._owned_throats()
-        size = np.abs(pressure[left]) + np.abs(pressure[right])
-        head = np.abs(step @ self.body_force)
-        stored = self.storage @ np.abs(change) if change is not None else 0.0
-        driven = self.conductance @ (np.abs(pressure[left] - pressure[right]) + head)
-        sums = np.array([driven, self.conductance @ (size + head) + stored])
-        self.network.comm.Allreduce(MPI.IN_PLACE, sums)
-        return float(sums[0]), float(sums[1])
+    def _balance(self, conditions: Conditions, flowing: NDArray, change: NDArray | None) -> _Balance:
+        return _Balance(*self._native.balance(conditions.fixed, conditions.source, conditions.volume_rate, flowing, change))
 
     def _owned_throats(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
         """Of this rank's own throats: pores on the left and right, (t,) each, and the step from one's centre to the other's, (t, 3) m."""

@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -22,7 +23,7 @@ using In = nb::ndarray<const T, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double>;
 
 Out new_array(std::size_t size) {
-  double* data = new double[size]();
+  double* data = new double[size];
   nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
   return Out(data, {size}, owner);
 }
@@ -123,6 +124,26 @@ NB_MODULE(poreslip_flow, m) {
           },
           nb::arg("fixed"), nb::arg("pressure"), nb::arg("source"), nb::arg("volume_rate"), nb::arg("dt"),
           nb::arg("limit_share"), nb::arg("most_substeps"), "Explicit (9) over dt in equal steps within its limit.")
+      .def(
+          "balance",
+          [](PoreFlow& self, In<bool> fixed, In<double> source, In<double> volume_rate, In<double> pressure, std::optional<In<double>> change) {
+            Out supply = new_array(pressure.shape(0));
+            const Balance b = self.balance(conditions(fixed, pressure, source, volume_rate), pressure.data(), change ? change->data() : nullptr, supply.data());
+            return std::tuple{supply, b.missing, b.of_each, b.throughput};
+          },
+          nb::arg("fixed"), nb::arg("source"), nb::arg("volume_rate"), nb::arg("pressure"), nb::arg("change").none(),
+          "What must come from outside for every pore's balance (7) to hold, (m,) m^3/s: through a face where the pressure is given, else 0. Of it, over "
+          "free pores, the sum's size and the sum of the sizes; and the throughput, m^3/s over all ranks. pressure (m,) Pa: that the fluid flowed by; "
+          "change (m,) Pa/s: None for steady.")
+      .def(
+          "driven",
+          [](const PoreFlow& self, In<double> pressure, std::optional<In<double>> change) {
+            const Driven d = self.driven(pressure.data(), change ? change->data() : nullptr);
+            return std::tuple{d.by_differences, d.by_each};
+          },
+          nb::arg("pressure"), nb::arg("change").none(),
+          "Flows through all throats one by one, m^3/s over all ranks: that differences of pressure and body force would drive, and that pressures, body "
+          "force and storage would if nothing stood against them.")
       .def(
           "outflow",
           [](PoreFlow& self, In<double> pressure) {

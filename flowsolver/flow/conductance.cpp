@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <numbers>
 
 #include "flow/hydraulic_radius.hpp"
@@ -19,17 +18,15 @@ constexpr double least_perimeter = 1e-12;
 Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
                      const double* body_force) {
   const Mesh& mesh = network.mesh();
-  const auto owned = std::make_unique<bool[]>(mesh.facets());
-  network.owned_throats(owned.get());
+  const std::size_t n = mesh.facets();
   Throats t;
-  t.facet.reserve(mesh.facets());
-  for (std::size_t f = 0; f < mesh.facets(); ++f)
-    if (owned[f]) t.facet.push_back(static_cast<std::int32_t>(f));
-  t.conductance.resize(t.facet.size());
+  t.owned = std::make_unique_for_overwrite<bool[]>(n);
+  network.owned_throats(t.owned.get());
+  t.conductance.resize(n);
   {
     const ThroatSections s = network.throat_sections();
-    for (std::size_t k = 0; k < t.facet.size(); ++k) {
-      const std::int32_t f = t.facet[k];
+    for (std::size_t f = 0; f < n; ++f) {
+      if (!t.owned[f]) continue;
       const double least = limiter.least_open_share * s.facet_area[f];
       bool limited = s.open_area[f] < least;
       const double area = std::max({s.open_area[f], least, 0.0});
@@ -47,16 +44,16 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
         limited = limited || body.limited;
       }
       t.limited += limited;
-      t.conductance[k] = c;
+      t.conductance[f] = c;
     }
   }
   if (body_force[0] == 0.0 && body_force[1] == 0.0 && body_force[2] == 0.0) return t;
   std::vector<double> centre(3 * mesh.cells());
   geometry::cell_centroids(mesh.cell_view(), network.view(), centre.data());
-  t.head.resize(t.facet.size());
-  for (std::size_t k = 0; k < t.facet.size(); ++k) {
-    const double *p = &centre[3 * mesh.facet.left[t.facet[k]]], *q = &centre[3 * mesh.facet.right[t.facet[k]]];
-    t.head[k] = body_force[0] * (q[0] - p[0]) + body_force[1] * (q[1] - p[1]) + body_force[2] * (q[2] - p[2]);
+  t.head.resize(n);
+  for (std::size_t f = 0; f < n; ++f) {
+    const double *p = &centre[3 * mesh.facet.left[f]], *q = &centre[3 * mesh.facet.right[f]];
+    t.head[f] = body_force[0] * (q[0] - p[0]) + body_force[1] * (q[1] - p[1]) + body_force[2] * (q[2] - p[2]);
   }
   return t;
 }

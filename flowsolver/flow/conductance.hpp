@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "network/pore_network.hpp"
@@ -23,9 +24,10 @@ struct Limiter {
   double least_void_share;  // for storage, a void counts as at least this share of its cell
 };
 
+// Arrays over all facets of the mesh.
 struct Throats {
-  std::vector<std::int32_t> facet;     // facets of the mesh that this rank owns
-  std::vector<double> conductance;     // C / l, m^3 / (Pa s)
+  std::unique_ptr<bool[]> owned;       // by this rank
+  std::vector<double> conductance;     // C / l, m^3 / (Pa s); 0 where another rank owns it
   std::vector<double> head;            // of the body force: b . (centroid of the right cell - of the left), Pa; empty: none
   std::int64_t limited = 0;            // throats whose open area was raised, on this rank
   double head_of(std::size_t throat) const { return head.empty() ? 0.0 : head[throat]; }

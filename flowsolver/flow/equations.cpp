@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 
+#include "flow/parts.hpp"
 #include "flow/pore_flow.hpp"
 #include "flow/rows.hpp"
 #include "flow/sum.hpp"
@@ -12,10 +12,7 @@
 namespace poreslip::flow {
 namespace {
 
-// A side of a throat whose pore another rank owns: which unknowns it joins, and what it does in one solve.
-struct RemotePlace {
-  PetscInt row, column;  // global numbers of the pore and of the one on the other side, -1 if its pressure is given
-};
+// What a throat does in one solve to a pore that its own rank does not own.
 struct RemoteSide {
   double conductance;    // C / l
   double head;           // gain of the body force from that pore to the other
@@ -46,53 +43,15 @@ std::vector<Item> deliver(MPI_Comm comm, const std::vector<std::vector<Item>>& o
 
 }  // namespace
 
-// Pores that no chain of open throats joins to a given pressure keep their own: without storage nothing determines it. A box in
-// which no pressure is given at all is left as it is.
-void PoreFlow::fix_cut_off() {
-  const bool shut = std::any_of(throats_.conductance.begin(), throats_.conductance.end(), [](double c) { return c == 0.0; });
-  const bool given = std::any_of(fixed_.begin(), fixed_.end(), [](double f) { return f != 0.0; });
-  if (!any_rank(comm_, shut) || !any_rank(comm_, given)) return;
-  const Mesh& mesh = network_.mesh();
-  const std::size_t n = network_.pores();
-  // Trees of the pores that this rank's own throats join; copies on other ranks join them further.
-  std::vector<std::int32_t> parent(n);
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&parent](std::int32_t c) {
-    while (parent[c] != c) c = parent[c] = parent[parent[c]];
-    return c;
-  };
-  for (std::size_t t = 0; t < throats_.facet.size(); ++t)
-    if (throats_.conductance[t] > 0.0)
-      parent[root(mesh.facet.left[throats_.facet[t]])] = root(mesh.facet.right[throats_.facet[t]]);
-  std::vector<double> reached = fixed_;
-  for (bool changed = true; changed;) {
-    std::vector<double> before = reached, of_root(n, 0.0);
-    for (std::size_t c = 0; c < n; ++c) of_root[root(c)] += reached[c];
-    for (std::size_t c = 0; c < n; ++c) reached[c] = of_root[root(c)] > 0.0 ? 1.0 : 0.0;
-    network_.exchange().add_to_owner(reached.data());
-    for (double& r : reached) r = std::min(r, 1.0);
-    network_.exchange().fetch(reached.data());
-    changed = any_rank(comm_, reached != before);
-  }
-  std::int64_t count = 0;
-  for (std::size_t c = 0; c < n; ++c) {
-    if (reached[c] > 0.0) continue;
-    fixed_[c] = 1.0;
-    count += network_.owned()[c];
-  }
-  cut_off_ = sum(comm_, count);
-}
-
 // Numbers the pores whose pressure is not given, rank by rank, along the Hilbert curve, unless they are those of the call before.
 void PoreFlow::number(const bool* fixed, bool stored) {
   const std::size_t n = network_.pores();
-  std::vector<double> given(n);
-  for (std::size_t c = 0; c < n; ++c) given[c] = fixed[c] ? 1.0 : 0.0;
+  std::vector<std::uint8_t> given(fixed, fixed + n);
   network_.exchange().fetch(given.data());
   // Without storage what is cut off depends on the conductances.
   const bool other = numbered_mesh_ != network_.mesh_number() || given != given_ || stored != numbered_stored_ || (!stored && !numbered_throats_);
   if (!any_rank(comm_, other)) return;
-  const std::vector<double> fixed_before = std::move(fixed_);
+  const std::vector<std::uint8_t> fixed_before = std::move(fixed_);
   const bool same_mesh = numbered_mesh_ == network_.mesh_number();
   numbered_mesh_ = network_.mesh_number();
   numbered_stored_ = stored;
@@ -100,12 +59,12 @@ void PoreFlow::number(const bool* fixed, bool stored) {
   given_ = std::move(given);
   fixed_ = given_;
   cut_off_ = 0;
-  if (!stored) fix_cut_off();
+  if (!stored) look_for_parts();
   if (!any_rank(comm_, !same_mesh || fixed_ != fixed_before)) return;
-  entries_found_ = false;
+  structured_ = false;
   free_.clear();
   for (std::size_t c = 0; c < n; ++c)
-    if (network_.owned()[c] && fixed_[c] == 0.0) free_.push_back(static_cast<std::int32_t>(c));
+    if (network_.owned()[c] && fixed_[c] == 0) free_.push_back(static_cast<std::int32_t>(c));
   std::int64_t count = static_cast<std::int64_t>(free_.size()), before = 0;
   MPI_Exscan(&count, &before, 1, MPI_INT64_T, MPI_SUM, comm_);
   int rank = 0;
@@ -113,95 +72,133 @@ void PoreFlow::number(const bool* fixed, bool stored) {
   if (rank == 0) before = 0;
   first_row_ = static_cast<PetscInt>(before);
   all_rows_ = static_cast<PetscInt>(sum(comm_, count));
-  std::vector<double> column(n, -1.0);
-  for (std::size_t k = 0; k < free_.size(); ++k) column[free_[k]] = static_cast<double>(before + k);
-  network_.exchange().fetch(column.data());
-  column_.assign(column.begin(), column.end());
+  column_.assign(n, -1);
+  for (std::size_t k = 0; k < free_.size(); ++k) column_[free_[k]] = static_cast<PetscInt>(before + k);
+  network_.exchange().fetch(column_.data());
 }
 
-// Which entries the equations have, and where each throat stands among them.
-Entries PoreFlow::find_entries() {
+// Pores that no chain of open throats joins to a given pressure keep their own: without storage nothing determines it. Where no pressure is given at
+// all, all pores that have open throats must be of one part.
+void PoreFlow::look_for_parts() {
+  const std::vector<double>& c = throats_.conductance;
+  bool shut = false;
+  for (std::size_t f = 0; f < c.size() && !shut; ++f) shut = c[f] == 0.0 && throats_.owned[f];
+  if (!any_rank(comm_, shut)) return;
+  const bool given = any_rank(comm_, std::find(fixed_.begin(), fixed_.end(), 1) != fixed_.end());
+  const std::vector<std::int64_t> part = connected_parts(network_, throats_);
+  if (given) cut_off_ = fix_cut_off(network_, part, fixed_);
+  else refuse_several(network_, throats_, part);
+}
+
+// Throats between pores of which this rank owns the throat but not the pore, and the other way round.
+void PoreFlow::find_remote() {
   const Mesh& mesh = network_.mesh();
   int ranks = 1;
   MPI_Comm_size(comm_, &ranks);
-  EntryCollector collector(free_.size(), first_row_);
-  sides_.assign(throats_.facet.size(), {});
   outgoing_.assign(ranks, {});
+  incoming_.clear();
+  incoming_by_row_.clear();
+  if (network_.halo().grains().empty() && ranks == 1) return;
   std::vector<std::vector<RemotePlace>> remote(ranks);
-  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
-    const std::int32_t pore[2] = {mesh.facet.left[throats_.facet[t]], mesh.facet.right[throats_.facet[t]]};
+  for (std::size_t f = 0; f < mesh.facets(); ++f) {
+    if (!throats_.owned[f]) continue;
+    const std::int32_t pore[2] = {mesh.facet.left[f], mesh.facet.right[f]};
     for (int side = 0; side < 2; ++side) {
-      const PetscInt row = column_[pore[side]], other = column_[pore[1 - side]];
-      if (row < 0) continue;
-      if (collector.owns(row)) {
-        sides_[t][side] = collector.add(row, other);
-      } else {
-        const int owner = network_.exchange().owner_rank(pore[side]);
-        remote[owner].push_back({row, other});
-        outgoing_[owner].push_back(static_cast<std::int32_t>(2 * t) + side);
-      }
+      if (mesh.owned[pore[side]] || column_[pore[side]] < 0) continue;
+      const int owner = network_.exchange().owner_rank(pore[side]);
+      remote[owner].push_back({column_[pore[side]], column_[pore[1 - side]]});
+      outgoing_[owner].push_back(static_cast<std::int64_t>(2 * f) + side);
     }
   }
-  incoming_.clear();
-  if (ranks > 1)
-    for (const RemotePlace& place : deliver(comm_, remote)) incoming_.push_back(collector.add(place.row, place.column));
-  Entries entries = collector.entries();
-  for (auto& both : sides_)
-    for (Side& side : both) side = collector.placed(side);
-  for (Side& side : incoming_) side = collector.placed(side);
-  return entries;
+  incoming_ = deliver(comm_, remote);
+  incoming_by_row_.resize(incoming_.size());
+  std::iota(incoming_by_row_.begin(), incoming_by_row_.end(), 0);
+  std::stable_sort(incoming_by_row_.begin(), incoming_by_row_.end(), [this](std::int32_t a, std::int32_t b) { return incoming_[a].row < incoming_[b].row; });
 }
 
-// Right sides for pressures less a reference, and the entries' values if they are to be made anew.
-PoreFlow::RightSides PoreFlow::assemble(const Conditions& conditions, double dt, double reference, Entries& entries, bool anew) {
+// Calls visit(facet, pore on the other side, whether this one is on the left) for the throats of an own pore that this rank owns.
+template <class Visit>
+void PoreFlow::for_each_side(std::int32_t pore, Visit visit) const {
   const Mesh& mesh = network_.mesh();
-  const std::size_t n = network_.pores();
-  std::vector<double> pressure(conditions.pressure, conditions.pressure + n);
-  network_.exchange().fetch(pressure.data());
-  RightSides right{std::vector<double>(free_.size()), std::vector<double>(free_.size())};
-  std::vector<PetscScalar>& value = entries.value;
-  if (anew) std::fill(value.begin(), value.end(), 0.0);
-  for (std::size_t k = 0; k < free_.size(); ++k) {
-    const std::int32_t c = free_[k];
-    right.value[k] = conditions.source[c] - conditions.volume_rate[c];
-    right.terms[k] = std::abs(conditions.source[c]) + std::abs(conditions.volume_rate[c]);
-    if (dt > 0.0) {
-      const double stored = storage_[c] / dt;
-      right.value[k] += stored * (pressure[c] - reference);
-      right.terms[k] += stored * std::abs(pressure[c]);
-      if (anew) value[entries.diagonal[k]] = stored;
-    }
+  for (int k = 0; k < 4; ++k) {
+    const std::int32_t f = mesh.cell_facet[k][pore];
+    if (f < 0 || static_cast<std::size_t>(f) >= mesh.facets() || !throats_.owned[f]) continue;
+    const bool left = mesh.facet.left[f] == pore;
+    visit(f, left ? mesh.facet.right[f] : mesh.facet.left[f], left);
   }
-  const auto couple = [&](const Side& side, const RemoteSide& throat) {
-    if (anew) {
-      value[entries.diagonal[side.row]] += throat.conductance;
-      if (side.other >= 0) value[side.other] -= throat.conductance;
-    }
-    // Flow out of the pore is conductance * (p - p_other + head).
-    right.value[side.row] -= throat.conductance * throat.head;
-    right.terms[side.row] += throat.conductance * std::abs(throat.head);
-    if (side.other < 0) {
-      right.value[side.row] += throat.conductance * (throat.pressure - reference);
-      right.terms[side.row] += throat.conductance * std::abs(throat.pressure);
-    }
-  };
-  const auto side_of = [&](std::size_t t, int side) {
-    const std::int32_t other = side == 0 ? mesh.facet.right[throats_.facet[t]] : mesh.facet.left[throats_.facet[t]];
-    const double head = throats_.head_of(t);
-    return RemoteSide{throats_.conductance[t], side == 0 ? head : -head, pressure[other]};
-  };
-  const bool weightless = throats_.head.empty();
-  for (std::size_t t = 0; t < sides_.size(); ++t)
-    for (int side = 0; side < 2; ++side)
-      if (const Side& s = sides_[t][side]; s.row >= 0 && (anew || s.other < 0 || !weightless)) couple(s, side_of(t, side));
-  if (outgoing_.size() > 1) {
+}
+
+// Right sides for pressures less a reference, and the entries, or their values, if they are to be made anew. pressure (pores): before, at copies too.
+PoreFlow::Sums PoreFlow::assemble(const Conditions& conditions, const double* pressure, double dt, double reference, bool columns, bool values) {
+  const auto rows = static_cast<PetscInt>(free_.size());
+  std::vector<RemoteSide> received;
+  if (columns) find_remote();
+  if (outgoing_.size() > 1 || !outgoing_[0].empty()) {
+    const Mesh& mesh = network_.mesh();
     std::vector<std::vector<RemoteSide>> remote(outgoing_.size());
     for (std::size_t r = 0; r < remote.size(); ++r)
-      for (const std::int32_t place : outgoing_[r]) remote[r].push_back(side_of(place / 2, place % 2));
-    const std::vector<RemoteSide> received = deliver(comm_, remote);
-    for (std::size_t k = 0; k < received.size(); ++k) couple(incoming_[k], received[k]);
+      for (const std::int64_t place : outgoing_[r]) {
+        const std::int64_t f = place / 2;
+        const bool left = place % 2 == 0;
+        const double head = throats_.head_of(f);
+        remote[r].push_back({throats_.conductance[f], left ? head : -head, pressure[left ? mesh.facet.right[f] : mesh.facet.left[f]]});
+      }
+    received = deliver(comm_, remote);
   }
-  return right;
+  const bool weightless = throats_.head.empty();
+  Entries& entries = solver_.entries();
+  EntryWriter writer(entries, rows, first_row_, columns);
+  PetscScalar* const right = solver_.right();
+  Sums sums;
+  if (values) {
+    edges_.clear();
+    isolated_.clear();
+    matrix_sum_ = 0.0;
+  }
+  std::size_t next = 0;
+  auto edge = edges_.begin();
+  for (PetscInt k = 0; k < rows; ++k) {
+    const std::int32_t c = free_[k];
+    const double stored = dt > 0.0 ? storage_[c] / dt : 0.0, deviation = pressure[c] - reference;
+    Row row;
+    row.diagonal = stored;
+    row.right = conditions.source[c] - conditions.volume_rate[c] + stored * deviation;
+    row.terms = std::abs(conditions.source[c]) + std::abs(conditions.volume_rate[c]) + stored * std::abs(pressure[c]);
+    const std::size_t first = next;
+    while (next < incoming_.size() && incoming_[incoming_by_row_[next]].row == first_row_ + k) ++next;
+    const bool beside = !values && edge != edges_.end() && edge->row == k;
+    if (beside) ++edge;
+    if (values || beside || !weightless) {
+      for_each_side(c, [&](std::int32_t f, std::int32_t other, bool left) {
+        const double head = throats_.head_of(f);
+        row.add(column_[other], throats_.conductance[f], left ? head : -head, pressure[other], reference);
+      });
+      for (std::size_t i = first; i < next; ++i) {
+        const RemoteSide& side = received[incoming_by_row_[i]];
+        row.add(incoming_[incoming_by_row_[i]].other, side.conductance, side.head, side.pressure, reference);
+      }
+    }
+    if (values) {
+      row.drop(first_row_ + k);
+      if (row.given > 0.0) edges_.push_back({k, row.given});
+      matrix_sum_ += stored + row.given;
+      if (row.diagonal == 0.0) {
+        isolated_.push_back(k);
+        row.diagonal = 1.0;
+      }
+      writer.write(row);
+    } else {
+      row.diagonal = entries.value[entries.diagonal(k)];
+    }
+    right[k] = row.right;
+    const double scale = row.terms + row.diagonal * std::max(std::abs(conditions.pressure[c]), std::abs(reference));
+    sums.right += row.right;
+    sums.terms += row.terms;
+    sums.squares += scale * scale;
+  }
+  // A pore without any open throat, where nothing is stored and no pressure is given, keeps its own.
+  for (const PetscInt k : isolated_) right[k] = pressure[free_[k]] - reference;
+  return sums;
 }
 
 }  // namespace poreslip::flow

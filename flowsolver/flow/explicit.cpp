@@ -1,4 +1,4 @@
-// Explicit steps (9), and the flow (8) of given pressures.
+// Explicit steps (9).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,19 +14,6 @@ double elapsed(double since) { return MPI_Wtime() - since; }
 
 }  // namespace
 
-void PoreFlow::outflow(const double* pressure, double* flow) {
-  const Mesh& mesh = network_.mesh();
-  std::fill_n(flow, network_.pores(), 0.0);
-  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
-    const std::int32_t left = mesh.facet.left[throats_.facet[t]], right = mesh.facet.right[throats_.facet[t]];
-    const double q = throats_.conductance[t] * (pressure[left] - pressure[right] + throats_.head_of(t));
-    flow[left] += q;
-    flow[right] -= q;
-  }
-  network_.exchange().add_to_owner(flow);
-  network_.exchange().fetch(flow);
-}
-
 SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
                                     double* pressure) {
   SolveReport report{};
@@ -40,9 +27,9 @@ SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, dou
   report.limited_pores = sum(comm_, limited_pores_);
   report.limited_throats = sum(comm_, throats_.limited);
   std::vector<double> total(n, 0.0), flow(n);
-  for (std::size_t t = 0; t < throats_.facet.size(); ++t) {
-    total[mesh.facet.left[throats_.facet[t]]] += throats_.conductance[t];
-    total[mesh.facet.right[throats_.facet[t]]] += throats_.conductance[t];
+  for (std::size_t f = 0; f < throats_.conductance.size(); ++f) {
+    total[mesh.facet.left[f]] += throats_.conductance[f];
+    total[mesh.facet.right[f]] += throats_.conductance[f];
   }
   network_.exchange().add_to_owner(total.data());
   // (9) is stable up to the smallest beta V / sum(C / l); a free pore without storage has no limit at all.

@@ -3,12 +3,13 @@
 
 #include <petscksp.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "flow/carried_preconditioner.hpp"
-#include "flow/rows.hpp"
+#include "flow/matrices.hpp"
 
 namespace poreslip::flow {
 
@@ -35,20 +36,22 @@ class LinearSolver {
   LinearSolver(const LinearSolver&) = delete;
   LinearSolver& operator=(const LinearSolver&) = delete;
 
-  // Collective. Begins a system with these entries, whose values are to be set before it is taken up.
-  void make(Entries&& entries, PetscInt all_rows);
-  // Their places stay as they are.
+  // Collective. Begins a system of so many rows on this rank and in all, whose entries are to be written before it is taken up.
+  void begin(PetscInt rows, PetscInt all_rows);
+  // Their places stay as they are once they have been taken up; their values may change before `take`.
   Entries& entries() { return *entries_; }
+  // (rows), to be written before `take`, which ends it.
+  PetscScalar* right();
 
-  // Collective. Takes up the entries' values and the right side (rows). row_before: for each of this rank's rows, its row when the
+  // Collective. Takes up the entries and the right side. row_before: for each of this rank's rows, its row when the
   // preconditioner was last set up (counted on this rank) or -1; empty if nothing relates the two.
-  void take(const std::vector<double>& right, const SystemShape& shape, const std::vector<PetscInt>& row_before);
+  void take(const SystemShape& shape, const std::vector<PetscInt>& row_before);
 
-  // Collective. unknown (rows of this rank): the start, and the solution. least_residual: norm that counts as zero.
-  LinearReport solve(double relative_tolerance, double least_residual, std::vector<double>& unknown);
+  // Collective. start writes the unknowns (rows of this rank) that the iteration begins with; least_residual: norm that counts as zero.
+  LinearReport solve(double relative_tolerance, double least_residual, const std::function<void(PetscScalar*)>& start);
 
-  // Collective. Sum of the last residual's entries.
-  double residual_sum() const;
+  // What reads the right side and the solution (rows of this rank).
+  void read(const std::function<void(const PetscScalar* right, const PetscScalar* solution)>& reader) const;
 
   // Collective. Largest entry of the last residual, and its row.
   std::pair<PetscReal, PetscInt> worst_row() const;
@@ -58,19 +61,21 @@ class LinearSolver {
 
  private:
   void relate(const std::vector<PetscInt>& row_before);
+  void make_solver();
   void free_system();
 
   MPI_Comm comm_;
   std::string options_;
-  Mat matrix_ = nullptr;
-  Entries* entries_ = nullptr;            // what the matrix is made of, which it owns
+  PetscInt all_rows_ = 0;
+  std::shared_ptr<Entries> entries_;
+  Matrices matrices_;
   KSP solver_ = nullptr;
   Vec right_ = nullptr, solution_ = nullptr;
-  std::vector<double> diagonal_;          // of this rank's rows
+  PetscScalar* right_values_ = nullptr;   // while it is written
   PetscInt most_iterations_ = 0;          // the user's, or PETSc's
   PC multigrid_ = nullptr;                // the preconditioner last set up for a system of its own,
-  Vec multigrid_like_ = nullptr;          // and a vector of that system
-  std::vector<double> multigrid_diagonal_;  // of that system, this rank's rows
+  Vec multigrid_like_ = nullptr;          // a vector of that system,
+  std::shared_ptr<const Entries> multigrid_entries_;  // and its entries
   std::unique_ptr<CarriedPreconditioner> carried_;
   int iterations_at_setup_ = 0;
   bool stale_ = true;

@@ -52,10 +52,18 @@ void PoreFlow::follow_mesh() {
 }
 
 void PoreFlow::set_conductance(const double* conductance) {
-  throats_.conductance.assign(conductance, conductance + throats_.facet.size());
+  for (std::size_t f = 0; f < throats_.conductance.size(); ++f)
+    if (throats_.owned[f]) throats_.conductance[f] = *conductance++;
   numbered_throats_ = false;
   assembled_dt_ = -1.0;
   solver_.forget_preconditioner();
+}
+
+std::vector<double> PoreFlow::conductance() const {
+  std::vector<double> owned;
+  for (std::size_t f = 0; f < throats_.conductance.size(); ++f)
+    if (throats_.owned[f]) owned.push_back(throats_.conductance[f]);
+  return owned;
 }
 
 // Mean pressure of a sealed box after dt, from the balance of all its pores together; weighted with the storage if there is any.
@@ -75,12 +83,35 @@ double PoreFlow::sealed_mean(const Conditions& conditions, bool stored, double d
 double PoreFlow::given_mean(const Conditions& conditions) const {
   double sums[2] = {0.0, 0.0};
   for (std::size_t c = 0; c < network_.pores(); ++c) {
-    if (!network_.owned()[c] || fixed_[c] == 0.0) continue;
+    if (!network_.owned()[c] || fixed_[c] == 0) continue;
     sums[0] += conditions.pressure[c];
     sums[1] += 1.0;
   }
   MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, comm_);
   return sums[0] / sums[1];
+}
+
+// Names the pore with the largest imbalance, on the rank that has it.
+void PoreFlow::report_divergence(const SolveReport& report) const {
+  const auto [largest, worst] = solver_.worst_row();
+  const bool overflown = report.reason == KSP_DIVERGED_NANORINF;
+  // Where not a number is to be compared, no row is the worst: then it is everybody's.
+  const bool here = worst >= first_row_ && worst < first_row_ + static_cast<PetscInt>(free_.size());
+  std::string fault;
+  if (here || overflown || worst < 0) {
+    char text[400] = "";
+    if (here) {
+      std::vector<double> centre(3 * network_.pores());
+      network_.pore_centre(centre.data());
+      const double* p = &centre[3 * free_[worst - first_row_]];
+      std::snprintf(text, sizeof text, ", worst pore at (%.9g, %.9g, %.9g) m out of balance by %g m^3/s", p[0], p[1], p[2], largest);
+    }
+    fault = "the linear solver did not converge (" + std::string(KSPConvergedReasons[report.reason]) + ") after " + std::to_string(report.iterations) +
+            " iterations: residual " + number_text(report.residual) + (overflown ? "" : text) +
+            (overflown ? "; flows are too large for the computer's numbers: look at the units of viscosity, pressures and box"
+                       : "; allow more iterations (-flow_ksp_max_it) or a larger tolerance");
+  }
+  agree_on_computation(comm_, fault);
 }
 
 SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double relative_tolerance, double* pressure) {
@@ -102,31 +133,13 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   const bool sealed = sum(comm_, std::count(network_.owned(), network_.owned() + n, true)) == all_rows_;
   const double reference = sealed ? sealed_mean(conditions, stored, dt) : given_mean(conditions);
   const double start_reference = sealed ? sealed_mean(conditions, stored, 0.0) : reference;
-  const bool same_structure = entries_found_;
-  if (!same_structure) solver_.make(find_entries(), all_rows_);
-  entries_found_ = true;
+  const bool same_structure = structured_;
+  if (!same_structure) solver_.begin(static_cast<PetscInt>(free_.size()), all_rows_);
   const bool stands = same_structure && !any_rank(comm_, assembled_dt_ != std::max(dt, 0.0));
-  assembled_dt_ = std::max(dt, 0.0);
-  Entries& entries = solver_.entries();
-  RightSides right = assemble(conditions, dt, reference, entries, !stands);
-  if (!stands) {
-    isolated_.clear();
-    for (std::size_t k = 0; k < free_.size(); ++k)
-      if (entries.value[entries.diagonal[k]] == 0.0) {
-        isolated_.push_back(static_cast<std::int32_t>(k));
-        entries.value[entries.diagonal[k]] = 1.0;
-      }
-  }
-  double net[4] = {0.0, 0.0, 0.0, 0.0};  // sums of the right sides and of their terms; square of the terms' scale; sum of the matrix
-  for (std::size_t k = 0; k < free_.size(); ++k) {
-    net[0] += right.value[k];
-    net[1] += right.terms[k];
-    const double scale = right.terms[k] + entries.value[entries.diagonal[k]] * std::max(std::abs(conditions.pressure[free_[k]]), std::abs(reference));
-    net[2] += scale * scale;
-  }
-  for (const double entry : entries.value) net[3] += entry;
-  // A pore without any open throat, where nothing is stored and no pressure is given, keeps its own.
-  for (const std::int32_t k : isolated_) right.value[k] = conditions.pressure[free_[k]] - reference;
+  assembled_dt_ = -1.0;
+  network_.exchange().fetch(pressure);
+  const Sums own = assemble(conditions, pressure, dt, reference, !same_structure, !stands);
+  double net[4] = {own.right, own.terms, own.squares, matrix_sum_};
   const auto isolated = static_cast<std::int64_t>(isolated_.size());
   report.isolated = sum(comm_, isolated) + cut_off_;
   MPI_Allreduce(MPI_IN_PLACE, net, 4, MPI_DOUBLE, MPI_SUM, comm_);
@@ -144,17 +157,19 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   }
 
   std::vector<PetscInt> row_before;
-  if (!row_at_setup_.empty()) {
+  if (!same_structure && !row_at_setup_.empty()) {
     row_before.reserve(free_.size());
     for (const std::int32_t c : free_) row_before.push_back(row_at_setup_[c]);
   }
-  solver_.take(right.value, {singular, same_structure, !stands}, row_before);
+  solver_.take({singular, same_structure, !stands}, row_before);
+  structured_ = true;
+  assembled_dt_ = std::max(dt, 0.0);
   report.assemble = elapsed(clock);
 
-  std::vector<double> unknown(free_.size());
-  for (std::size_t k = 0; k < free_.size(); ++k) unknown[k] = conditions.pressure[free_[k]] - start_reference;
   // Below the rounding of its own terms a residual means nothing.
-  const LinearReport linear = solver_.solve(relative_tolerance, rounding * std::sqrt(net[2]), unknown);
+  const LinearReport linear = solver_.solve(relative_tolerance, rounding * std::sqrt(net[2]), [&](PetscScalar* unknown) {
+    for (std::size_t k = 0; k < free_.size(); ++k) unknown[k] = conditions.pressure[free_[k]] - start_reference;
+  });
   report.iterations = linear.iterations;
   report.reason = static_cast<int>(linear.reason);
   report.residual = linear.residual;
@@ -165,29 +180,27 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
     row_at_setup_.assign(n, -1);
     for (std::size_t k = 0; k < free_.size(); ++k) row_at_setup_[free_[k]] = static_cast<PetscInt>(k);
   }
-  for (std::size_t k = 0; k < free_.size(); ++k) pressure[free_[k]] = reference + unknown[k];
-  if (linear.reason <= 0) {
-    // The pore with the largest imbalance, on the rank that has it.
-    const auto [largest, worst] = solver_.worst_row();
-    const bool overflown = linear.reason == KSP_DIVERGED_NANORINF;
-    // Where not a number is to be compared, no row is the worst: then it is everybody's.
-    const bool here = worst >= first_row_ && worst < first_row_ + static_cast<PetscInt>(free_.size());
-    std::string fault;
-    if (here || overflown) {
-      char text[400] = "";
-      std::vector<double> centre(3 * n);
-      network_.pore_centre(centre.data());
-      if (here) {
-        const double* p = &centre[3 * free_[worst - first_row_]];
-        std::snprintf(text, sizeof text, ", worst pore at (%.9g, %.9g, %.9g) m out of balance by %g m^3/s", p[0], p[1], p[2], largest);
+  if (linear.reason <= 0) report_divergence(report);
+  double shift = 0.0;
+  if (!sealed) {
+    // One shift of all unknowns closes the balance of all pores together, whatever tolerance the solver had; the error in the energy norm falls.
+    double missing = 0.0;
+    solver_.read([&](const PetscScalar* right, const PetscScalar* unknown) {
+      // The residual's sum; couplings between unknowns cancel in it.
+      auto edge = edges_.begin();
+      for (std::size_t k = 0; k < free_.size(); ++k) {
+        missing += right[k];
+        if (stored) missing -= storage_[free_[k]] / dt * unknown[k];
+        if (edge != edges_.end() && edge->row == static_cast<PetscInt>(k)) missing -= edge++->conductance * unknown[k];
       }
-      fault = "the linear solver did not converge (" + std::string(KSPConvergedReasons[linear.reason]) + ") after " +
-              std::to_string(report.iterations) + " iterations: residual " + number_text(report.residual) + (overflown ? "" : text) +
-              (overflown ? "; flows are too large for the computer's numbers: look at the units of viscosity, pressures and box"
-                         : "; allow more iterations (-flow_ksp_max_it) or a larger tolerance");
-    }
-    agree_on_computation(comm_, fault);
+    });
+    MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_DOUBLE, MPI_SUM, comm_);
+    report.imbalance = std::abs(missing);
+    shift = missing / net[3];
   }
+  solver_.read([&](const PetscScalar*, const PetscScalar* unknown) {
+    for (std::size_t k = 0; k < free_.size(); ++k) pressure[free_[k]] = reference + shift + unknown[k];
+  });
   if (sealed) {
     // The deviation's own mean is zero; what the solver's tolerance has left of it is taken off.
     double drift[2] = {0.0, 0.0};
@@ -198,11 +211,6 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
     }
     MPI_Allreduce(MPI_IN_PLACE, drift, 2, MPI_DOUBLE, MPI_SUM, comm_);
     for (const std::int32_t c : free_) pressure[c] += reference - drift[0] / drift[1];
-  } else {
-    // One shift of all unknowns closes the balance of all pores together, whatever tolerance the solver had; the error in the energy norm falls.
-    const double missing = solver_.residual_sum(), shift = missing / net[3];
-    report.imbalance = std::abs(missing);
-    for (const std::int32_t c : free_) pressure[c] += shift;
   }
   network_.exchange().fetch(pressure);
   return report;

@@ -1,92 +1,130 @@
-// The equations of one rank's unknowns: which entries there are, and where throats stand among them.
+// The equations of one rank's unknowns, row by row as they are made.
 #pragma once
 
 #include <petscsys.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
-#include <numeric>
-#include <utility>
 #include <vector>
 
 namespace poreslip::flow {
 
-// One side of a throat: the row of its pore, -1 if that is no unknown of this rank, and the place of the coupling with the pore on the other
-// side among the entries, -1 if that one's pressure is given.
-struct Side {
-  std::int32_t row = -1, other = -1;
-};
-
-// The entries of this rank's rows: couplings with its own unknowns (counted on this rank), row by row in the order of their columns, and
-// after all of these those with unknowns of other ranks (counted over all).
+// The entries of this rank's rows: couplings with its own unknowns (counted on this rank), and those with unknowns of other ranks (counted over
+// all ranks until PETSc takes them up). Columns rise along a row, but for its diagonal where that comes first.
 struct Entries {
+  bool diagonal_first = false;
   std::vector<PetscInt> start{0}, column, other_start{0}, other_column;
-  std::vector<std::int32_t> diagonal;  // (rows) places
-  std::vector<PetscScalar> value;      // (entries)
+  std::vector<PetscScalar> value, other_value;
+
+  std::size_t rows() const { return start.size() - 1; }
+  PetscInt diagonal(PetscInt row) const {
+    PetscInt place = start[row];
+    while (column[place] != row) ++place;
+    return place;
+  }
 };
 
-// Collects the entries of rows with a diagonal and up to four neighbours each.
-class EntryCollector {
- public:
-  EntryCollector(std::size_t rows, PetscInt first_row) : first_row_(first_row), rows_(rows), column_(rows * width), filled_(rows, 1) {
-    for (std::size_t k = 0; k < rows; ++k) column_[k * width] = first_row + static_cast<PetscInt>(k);
-  }
+// One pore's balance, from its throats one by one.
+struct Row {
+  static constexpr int most = 4;
+  double diagonal = 0.0, right = 0.0;
+  double terms = 0.0;             // the sum of the sizes of what is in `right`
+  double given = 0.0;             // conductance to pores whose pressure is given
+  int count = 0;
+  std::array<PetscInt, most> column;
+  std::array<double, most> conductance;
 
-  bool owns(PetscInt row) const { return row >= first_row_ && row < first_row_ + static_cast<PetscInt>(rows_); }
-
-  // A side of a throat between unknowns, counted over all ranks; other: -1 if its pressure is given. Its place is known after `entries`.
-  Side add(PetscInt row, PetscInt other) {
-    const auto local = static_cast<std::int32_t>(row - first_row_);
-    if (other < 0) return {local, -1};
+  // Throat to an unknown (counted over all ranks), or to a pore of given pressure (other < 0). Flow out is conductance * (p - p_other + head).
+  void add(PetscInt other, double c, double head, double pressure, double reference) {
+    diagonal += c;
+    right -= c * head;
+    terms += c * std::abs(head);
+    if (other < 0) {
+      given += c;
+      right += c * (pressure - reference);
+      terms += c * std::abs(pressure);
+      return;
+    }
+    int k = count;
+    while (k > 0 && column[k - 1] > other) --k;
     // Two pores can have several throats in common in the smallest packs, and a pore one with its own image.
-    PetscInt* const c = &column_[local * width];
-    int k = 0;
-    while (k < filled_[local] && c[k] != other) ++k;
-    if (k == filled_[local]) c[filled_[local]++] = other;
-    return {local, static_cast<std::int32_t>(local * width) + k};
+    if (k > 0 && column[k - 1] == other) {
+      conductance[k - 1] += c;
+      return;
+    }
+    for (int p = count++; p > k; --p) {
+      column[p] = column[p - 1];
+      conductance[p] = conductance[p - 1];
+    }
+    column[k] = other;
+    conductance[k] = c;
   }
 
-  Entries entries() {
-    Entries e;
-    place_.resize(column_.size());
-    const auto filled = std::accumulate(filled_.begin(), filled_.end(), std::size_t{0});
-    e.diagonal.resize(rows_);
-    for (const bool own : {true, false}) {
-      std::vector<PetscInt>& start = own ? e.start : e.other_start;
-      std::vector<PetscInt>& columns = own ? e.column : e.other_column;
-      start.reserve(rows_ + 1);
-      if (own) columns.reserve(filled);
-      for (std::size_t k = 0; k < rows_; ++k) {
-        std::array<std::pair<PetscInt, std::int32_t>, width> found;
-        int count = 0;
-        for (int s = 0; s < filled_[k]; ++s)
-          if (const PetscInt c = column_[k * width + s]; owns(c) == own) {
-            int p = count++;
-            for (; p > 0 && c < found[p - 1].first; --p) found[p] = found[p - 1];
-            found[p] = {c, static_cast<std::int32_t>(k * width) + s};
-          }
-        for (int s = 0; s < count; ++s) {
-          place_[found[s].second] = static_cast<std::int32_t>(e.column.size() + e.other_column.size());
-          columns.push_back(own ? found[s].first - first_row_ : found[s].first);
-        }
-        start.push_back(static_cast<PetscInt>(columns.size()));
+  // A throat from a pore to its own image drives nothing.
+  void drop(PetscInt own) {
+    for (int k = 0; k < count; ++k) {
+      if (column[k] != own) continue;
+      diagonal -= conductance[k];
+      for (--count; k < count; ++k) {
+        column[k] = column[k + 1];
+        conductance[k] = conductance[k + 1];
       }
     }
-    for (std::size_t k = 0; k < rows_; ++k) e.diagonal[k] = place_[k * width];
-    e.value.assign(e.column.size() + e.other_column.size(), 0.0);
-    return e;
+  }
+};
+
+// Writes rows one after another: the first time their columns too.
+class EntryWriter {
+ public:
+  EntryWriter(Entries& entries, PetscInt rows, PetscInt first_row, bool columns)
+      : entries_(entries), rows_(rows), first_row_(first_row), columns_(columns) {
+    if (!columns) return;
+    // What is never written takes no memory.
+    const std::size_t most = (1 + Row::most) * static_cast<std::size_t>(rows);
+    entries.start.reserve(rows + 1);
+    entries.other_start.reserve(rows + 1);
+    entries.column.reserve(most);
+    entries.value.reserve(most);
   }
 
-  // After `entries`.
-  Side placed(Side side) const { return {side.row, side.other < 0 ? -1 : place_[side.other]}; }
+  void write(const Row& row) {
+    bool pending = !entries_.diagonal_first;
+    if (entries_.diagonal_first) put(entries_.column, entries_.value, place_, row_, row.diagonal);
+    for (int k = 0; k < row.count; ++k) {
+      const PetscInt column = row.column[k] - first_row_;
+      if (column < 0 || column >= rows_) {
+        put(entries_.other_column, entries_.other_value, other_place_, row.column[k], -row.conductance[k]);
+        continue;
+      }
+      if (pending && column > row_) {
+        put(entries_.column, entries_.value, place_, row_, row.diagonal);
+        pending = false;
+      }
+      put(entries_.column, entries_.value, place_, column, -row.conductance[k]);
+    }
+    if (pending) put(entries_.column, entries_.value, place_, row_, row.diagonal);
+    ++row_;
+    if (!columns_) return;
+    entries_.start.push_back(static_cast<PetscInt>(place_));
+    entries_.other_start.push_back(static_cast<PetscInt>(other_place_));
+  }
 
  private:
-  static constexpr std::int32_t width = 5;  // the diagonal first
-  PetscInt first_row_;
-  std::size_t rows_;
-  std::vector<PetscInt> column_;     // (rows * width), over all ranks
-  std::vector<std::int8_t> filled_;  // (rows)
-  std::vector<std::int32_t> place_;  // of column_
+  void put(std::vector<PetscInt>& column, std::vector<PetscScalar>& value, std::size_t& place, PetscInt c, double v) {
+    if (columns_) {
+      column.push_back(c);
+      value.push_back(v);
+    } else {
+      value[place] = v;
+    }
+    ++place;
+  }
+
+  Entries& entries_;
+  PetscInt rows_, first_row_, row_ = 0;
+  bool columns_;
+  std::size_t place_ = 0, other_place_ = 0;
 };
 
 }  // namespace poreslip::flow

@@ -9,6 +9,11 @@
 namespace poreslip {
 namespace {
 
+MPI_Datatype mpi_type(double) { return MPI_DOUBLE; }
+MPI_Datatype mpi_type(std::int32_t) { return MPI_INT32_T; }
+MPI_Datatype mpi_type(std::int64_t) { return MPI_INT64_T; }
+MPI_Datatype mpi_type(std::uint8_t) { return MPI_UINT8_T; }
+
 std::vector<int> starts(const std::vector<int>& count) {
   std::vector<int> start(count.size(), 0);
   for (std::size_t r = 1; r < count.size(); ++r) start[r] = start[r - 1] + count[r - 1];
@@ -83,14 +88,20 @@ void PoreExchange::build(MPI_Comm comm, const Mesh& mesh, const LocalGrains& gra
   for (std::size_t k = 0; k < copies; ++k) owner_index_[copy_[k]] = found[k];
 }
 
-void PoreExchange::fetch(double* value) const {
+template <class Value>
+void PoreExchange::fetch(Value* value) const {
   if (alone_) return;
-  std::vector<double> sent(source_.size()), received(copy_.size());
+  std::vector<Value> sent(source_.size()), received(copy_.size());
   for (std::size_t k = 0; k < source_.size(); ++k) sent[k] = value[source_[k]];
-  MPI_Alltoallv(sent.data(), source_count_.data(), source_start_.data(), MPI_DOUBLE, received.data(), copy_count_.data(),
-                copy_start_.data(), MPI_DOUBLE, comm_);
+  const MPI_Datatype type = mpi_type(Value{});
+  MPI_Alltoallv(sent.data(), source_count_.data(), source_start_.data(), type, received.data(), copy_count_.data(), copy_start_.data(), type, comm_);
   for (std::size_t k = 0; k < copy_.size(); ++k) value[copy_[k]] = received[k];
 }
+
+template void PoreExchange::fetch(double*) const;
+template void PoreExchange::fetch(std::int32_t*) const;
+template void PoreExchange::fetch(std::int64_t*) const;
+template void PoreExchange::fetch(std::uint8_t*) const;
 
 void PoreExchange::add_to_owner(double* value) const {
   if (alone_) return;

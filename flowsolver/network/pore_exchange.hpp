@@ -17,8 +17,9 @@ class PoreExchange {
   // Collective. Finds the owner of every local pore. Throws ComputationError on all ranks if two ranks see different meshes.
   void build(MPI_Comm comm, const Mesh& mesh, const LocalGrains& grains, const Halo& halo);
 
-  // Collective. Values of the owners go to all copies. value (pores).
-  void fetch(double* value) const;
+  // Collective. Values of the owners go to all copies. value (pores), of double, int32, int64 or uint8.
+  template <class Value>
+  void fetch(Value* value) const;
 
   // Collective. Values of the copies are added to their owners'. value (pores).
   void add_to_owner(double* value) const;
