@@ -33,30 +33,12 @@ struct Cell {
 
 }  // namespace
 
-void add_gained_volumes(const CellGradients& cells, const Four* displacement, std::size_t first, std::size_t last, double* gained) {
-  for (std::size_t c = first; c < last; ++c) gained[c] += Cell(cells, c).gained(displacement);
+void add_gained_volumes(const CellGradients& cells, const Four* displacement, double* gained) {
+  for (std::size_t c = 0; c < cells.grain.size(); ++c) gained[c] += Cell(cells, c).gained(displacement);
 }
 
-void add_cell_forces(const CellGradients& cells, const double* pressure, std::size_t first, std::size_t last, Four* force) {
-  for (std::size_t c = first; c < last; ++c) Cell(cells, c).push(pressure[c], force);
-}
-
-void add_answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last, double* by_walls,
-                Four* force) {
-  // The engine has thrown all of this out of the near caches since the last step. A prefetch past the end does nothing.
-  constexpr std::size_t ahead = 48;
-  for (std::size_t c = first; c < last; ++c) {
-    const double *const next = cells.gradient.data() + 9 * (c + ahead);
-    __builtin_prefetch(next);
-    __builtin_prefetch(next + 8);
-    __builtin_prefetch(cells.grain.data() + c + 2 * ahead);
-    const Cell cell(cells, c);
-    double gained = cell.gained(displacement);
-    if (by_walls) gained += by_walls[c - first];
-    const double change = -stiffness[c] * gained;
-    if (by_walls) by_walls[c - first] = change;
-    cell.push(change, force);
-  }
+void add_cell_forces(const CellGradients& cells, const double* pressure, Four* force) {
+  for (std::size_t c = 0; c < cells.grain.size(); ++c) Cell(cells, c).push(pressure[c], force);
 }
 
 }  // namespace poreslip::geometry

@@ -20,16 +20,10 @@ struct CellGradients {
   std::vector<double> gradient;  // (cells, 9), and one more
 };
 
-// Volumes that cells [first, last) gain by the displacements (grains + 1), m, of their grains. Adds to gained (cells), m^3.
-void add_gained_volumes(const CellGradients& cells, const Four* displacement, std::size_t first, std::size_t last, double* gained);
+// Volumes that cells gain by the displacements (grains + 1), m, of their grains. Adds to gained (cells), m^3.
+void add_gained_volumes(const CellGradients& cells, const Four* displacement, double* gained);
 
 // Forces of the pressures (cells) on grains; adds to the first three components of force (grains + 1), N.
-void add_cell_forces(const CellGradients& cells, const double* pressure, std::size_t first, std::size_t last, Four* force);
-
-// What the pressures of cells [first, last) lose by displacements (grains + 1), m, and the forces of these losses, in one pass.
-// stiffness (cells), Pa/m^3: 1 / (beta V), or 0 where no volume changes the pressure. by_walls (last - first) or null. In: m^3, what walls add to the
-// cells' volumes; out: the changes of the pressures, Pa. Adds to force.
-void add_answer(const CellGradients& cells, const Four* displacement, const double* stiffness, std::size_t first, std::size_t last, double* by_walls,
-                Four* force);
+void add_cell_forces(const CellGradients& cells, const double* pressure, Four* force);
 
 }  // namespace poreslip::geometry

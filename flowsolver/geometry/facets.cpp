@@ -333,6 +333,32 @@ void add_volume_rates(const FacetView& facets, const GrainView& grains, const do
   }
 }
 
+void add_triangle_gradients(const FacetView& facets, const GrainView& grains, const TriangleCorners* corner, double* gradient) {
+  alignas(64) double part[3][3][block_size];  // grain, component
+  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
+#pragma omp simd
+    for (std::size_t i = 0; i < count; ++i) {
+      const Triangle t = triangle(at, i);
+      const Shares s = triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
+      const double a = s.a / t.area2, b = s.b / t.area2, c = s.c / t.area2;
+      part[0][0][i] = a * t.nx, part[0][1][i] = a * t.ny, part[0][2][i] = a * t.nz;
+      part[1][0][i] = b * t.nx, part[1][1][i] = b * t.ny, part[1][2][i] = b * t.nz;
+      part[2][0][i] = c * t.nx, part[2][1][i] = c * t.ny, part[2][2][i] = c * t.nz;
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t f = first + i;
+      const auto to = [gradient](std::int32_t cell, std::uint8_t k) -> UnalignedFour& {
+        return reinterpret_cast<UnalignedFour&>(gradient[16 * static_cast<std::size_t>(cell) + 4 * k]);
+      };
+      for (int k = 0; k < 3; ++k) {
+        const Four g{part[k][0][i], part[k][1][i], part[k][2][i], 0.0};
+        to(facets.left[f], corner[f].left[k]) += g;
+        if (facets.right[f] >= 0) to(facets.right[f], corner[f].right[k]) -= g;
+      }
+    }
+  });
+}
+
 void throat_lengths(const FacetView& facets, const double* centre, double* length) {
   const auto apart = [&](std::size_t f) {
     const auto row = [centre](std::int32_t c) { return reinterpret_cast<const UnalignedFour&>(centre[3 * static_cast<std::size_t>(c)]); };

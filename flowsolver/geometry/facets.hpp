@@ -2,6 +2,9 @@
 // Equations (2) and (6). Pure functions.
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "geometry/vector3.hpp"
 #include "geometry/view.hpp"
 
@@ -22,6 +25,14 @@ void add_facet_forces(const FacetView& facets, const GrainView& grains, const do
 // work the fluid loses. velocity: (grains) each, m/s. Adds to rate (pores); a right cell of -1 is left out.
 void add_volume_rates(const FacetView& facets, const GrainView& grains, const double* vx, const double* vy,
                       const double* vz, double* rate);
+
+// Gradients of the cells' volumes that triangles give them: adds S_k n (total) for the three grains of each triangle to gradient
+// (cells, 4, 4), m^2, whose last column stays free, of the left cell, and takes it from the right one's; a right cell of -1 is left out.
+// corner (triangles): which vertices of the left and of the right cell the three grains are.
+struct TriangleCorners {
+  std::array<std::uint8_t, 3> left, right;
+};
+void add_triangle_gradients(const FacetView& facets, const GrainView& grains, const TriangleCorners* corner, double* gradient);
 
 // Coefficients S_k of one facet, m^2, and its unit normal out of the left cell.
 struct FacetShares {

@@ -16,14 +16,19 @@ using geometry::Four;
 
 using Gradients = std::vector<std::array<Four, 4>>;  // dV_c/dx of the four vertices of each cell; 0 for walls
 
-void add_gradient(Gradients& gradients, const Mesh& mesh, std::size_t cell, Vertex grain, const Four& gradient) {
-  int k = 0;
+std::uint8_t corner_of(const Mesh& mesh, std::size_t cell, Vertex grain) {
+  std::uint8_t k = 0;
   while (mesh.cell_vertex[k][cell] != grain) ++k;
-  gradients[cell][k] += gradient;
+  return k;
 }
 
-void add_facets(Gradients& gradients, const Mesh& mesh, const FacetView& facets, const GrainView& grains, ForceLaw law) {
-  for (std::size_t f = 0; f < facets.size(); ++f) {
+void add_gradient(Gradients& gradients, const Mesh& mesh, std::size_t cell, Vertex grain, const Four& gradient) {
+  gradients[cell][corner_of(mesh, cell, grain)] += gradient;
+}
+
+// Of facets from the first one on.
+void add_facets(Gradients& gradients, const Mesh& mesh, const FacetView& facets, const GrainView& grains, ForceLaw law, std::size_t first = 0) {
+  for (std::size_t f = first; f < facets.size(); ++f) {
     const geometry::FacetShares s = geometry::facet_shares(facets, grains, f, law);
     const Four normal{s.normal[0], s.normal[1], s.normal[2], 0.0};
     const int count = f < facets.end[0] ? 3 : f < facets.end[1] ? 2 : 1;
@@ -66,8 +71,8 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   displacement_.assign(network_.local_grains().size() + 1, Four{});
   wall_before_.assign(6 * network_.groups(), 0.0);
   gained_.resize(pores);
-  force_.resize(displacement_.size());
   if (alone_) begin_alone();
+  force_.resize(displacement_.size());
   sum_roofs(start_, wall_before_.data());
   begun_ = true;
 }
@@ -85,14 +90,34 @@ void PoreResponse::begin_alone() {
   };
   forces_of(start_, first_);
   forces_of(drift_, drifting_);
+  const auto at_rest = static_cast<std::int32_t>(grains);
+  if (connected_ != network_.mesh_number()) matrix_.connect(volume_, roof_, displacement_.size(), at_rest);
+  connected_ = network_.mesh_number();
+  matrix_.assemble(volume_, roof_, stiffness_.data());
+}
+
+// Which vertices of their cells the grains of triangles are: the same until the mesh changes.
+void PoreResponse::take_corners(const FacetView& facets) {
+  if (corners_of_ == network_.mesh_number()) return;
+  corners_of_ = network_.mesh_number();
+  const Mesh& mesh = network_.mesh();
+  corner_.resize(facets.end[0]);
+  for (std::size_t f = 0; f < corner_.size(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      corner_[f].left[k] = corner_of(mesh, facets.left[f], facets.vertex[k][f]);
+      if (facets.right[f] >= 0) corner_[f].right[k] = corner_of(mesh, facets.right[f], facets.vertex[k][f]);
+    }
 }
 
 void PoreResponse::take_gradients(ForceLaw law) {
   const Mesh& mesh = network_.mesh();
   const GrainView grains = network_.view();
   const LocalGrains& local = network_.local_grains();
+  const FacetView facets = mesh.facet_view();
   Gradients gradients(mesh.cells());
-  add_facets(gradients, mesh, mesh.facet_view(), grains, ForceLaw::total);
+  take_corners(facets);
+  geometry::add_triangle_gradients(facets, grains, corner_.data(), &gradients.data()->front()[0]);
+  add_facets(gradients, mesh, facets, grains, ForceLaw::total, facets.end[0]);
   add_facets(gradients, mesh, mesh.outer.view(), grains, ForceLaw::total);
   if (network_.groups() > 1)
     for_each_step_gradient(mesh, grains, network_.wall_facets(), [&](std::size_t c, Vertex g, const Vector3& gradient) {
@@ -111,19 +136,24 @@ void PoreResponse::take_gradients(ForceLaw law) {
   push_.clear();
   if (law != ForceLaw::total) {
     push_.resize(mesh.cells());
-    add_facets(push_, mesh, mesh.facet_view(), grains, law);
+    add_facets(push_, mesh, facets, grains, law);
   }
+  std::vector<geometry::Roof> before(std::move(roof_));
   roof_.clear();
-  geometry::for_each_roof(mesh.cell_view(), grains, [this](std::size_t cell, std::size_t entry, double area) {
-    if (!roof_.empty() && roof_.back().cell == cell && roof_.back().entry == entry) roof_.back().area += area;
-    else roof_.push_back({cell, entry, area});
+  geometry::for_each_roof(mesh.cell_view(), grains, [&](std::size_t cell, std::size_t entry, double area) {
+    const auto body = static_cast<std::int32_t>(local.size() + 1 + entry);
+    if (!roof_.empty() && roof_.back().cell == cell && roof_.back().body == body) roof_.back().area += area;
+    else roof_.push_back({cell, body, area});
   });
+  // A grain may have come under another plane on the same mesh.
+  const auto alike = [](const geometry::Roof& a, const geometry::Roof& b) { return a.cell == b.cell && a.body == b.body; };
+  if (!std::equal(roof_.begin(), roof_.end(), before.begin(), before.end(), alike)) connected_ = -1;
 }
 
 // Adds the forces of the pressures on the local grains.
 void PoreResponse::push(const std::vector<double>& pressure, std::vector<Four>& force) const {
   if (push_.empty()) {
-    geometry::add_cell_forces(volume_, pressure.data(), 0, pressure.size(), force.data());
+    geometry::add_cell_forces(volume_, pressure.data(), force.data());
     return;
   }
   for (std::size_t c = 0; c < pressure.size(); ++c)
@@ -177,17 +207,16 @@ void PoreResponse::collect(double* out) const {
 void PoreResponse::sum_roofs(const std::vector<double>& pressure, double* wall_force) const {
   std::fill_n(wall_force, wall_before_.size(), 0.0);
   const bool* const owned = network_.owned();
-  for (const Roof& r : roof_)
-    if (owned[r.cell]) wall_force[r.entry] += pressure[r.cell] * r.area;
+  for (const geometry::Roof& r : roof_)
+    if (owned[r.cell]) wall_force[entry(r)] += pressure[r.cell] * r.area;
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
 }
 
 // Volumes that the pores gain by displacements of grains and walls; where alone.
 std::vector<double> PoreResponse::gained(const std::vector<Four>& displacement) const {
   std::vector<double> volume(start_.size(), 0.0);
-  geometry::add_gained_volumes(volume_, displacement.data(), 0, volume.size(), volume.data());
-  const std::size_t walls = displacement.size() - wall_before_.size();
-  for (const Roof& r : roof_) volume[r.cell] += r.area * displacement[walls + r.entry][0];
+  geometry::add_gained_volumes(volume_, displacement.data(), volume.data());
+  for (const geometry::Roof& r : roof_) volume[r.cell] += r.area * displacement[r.body][0];
   return volume;
 }
 
@@ -271,16 +300,10 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
 
 // Forces on the local grains, and on the walls.
 void PoreResponse::forces_alone(double* wall_force) const {
-  const std::size_t grains = input_of_local_.size(), inner = network_.mesh().cell_end[0];
-  for (std::size_t i = 0; i < grains; ++i) force_[i] = first_[i] + elapsed_ * drifting_[i];
-  // Cells without walls come first.
-  double* const by_walls = gained_.data() + inner;
-  std::fill(gained_.begin() + static_cast<std::ptrdiff_t>(inner), gained_.end(), 0.0);
-  for (const Roof& r : roof_) gained_[r.cell] += r.area * displacement_[grains + 1 + r.entry][0];
-  geometry::add_answer(volume_, displacement_.data(), stiffness_.data(), 0, inner, nullptr, force_.data());
-  geometry::add_answer(volume_, displacement_.data(), stiffness_.data(), inner, gained_.size(), by_walls, force_.data());
-  for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = first_[grains + 1 + e][0] + elapsed_ * drifting_[grains + 1 + e][0];
-  for (const Roof& r : roof_) wall_force[r.entry] += r.area * gained_[r.cell];
+  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = first_[i] + elapsed_ * drifting_[i] + matrix_.own(i, displacement_[i]);
+  matrix_.add_mutual(displacement_.data(), force_.data());
+  const std::size_t walls = force_.size() - wall_before_.size();
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = force_[walls + e][0];
 }
 
 // The same from the displacements since the interval began.
@@ -321,8 +344,8 @@ void PoreResponse::step_alone(double dt, const double* velocity, const double* w
 
 double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
   std::fill(gained_.begin(), gained_.end(), 0.0);
-  for (const Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[r.entry]);
-  geometry::add_gained_volumes(volume_, displacement_.data(), 0, gained_.size(), gained_.data());
+  for (const geometry::Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[entry(r)]);
+  geometry::add_gained_volumes(volume_, displacement_.data(), gained_.data());
   // Only the owner of a pore is sure to know all its facets.
   network_.exchange().fetch(gained_.data());
   double work = 0.0;

@@ -8,6 +8,7 @@
 
 #include "geometry/cell_response.hpp"
 #include "geometry/facets.hpp"
+#include "geometry/response_matrix.hpp"
 #include "network/grain_directory.hpp"
 #include "network/pore_network.hpp"
 
@@ -54,11 +55,7 @@ class PoreResponse {
   double seconds() const { return seconds_; }                          // of this rank, that all steps took
 
  private:
-  struct Roof {
-    std::size_t cell, entry;  // entry of wall_velocity
-    double area;              // m^2
-  };
-
+  void take_corners(const FacetView& facets);
   void take_gradients(geometry::ForceLaw law);
   void take_order(std::size_t count, const std::int32_t* id);
   void spread(double dt, const double* velocity);
@@ -67,6 +64,7 @@ class PoreResponse {
   void begin_alone();
   void step_alone(double dt, const double* velocity, const double* wall_velocity, double* force, double* wall_force);
   void forces_alone(double* wall_force) const;
+  std::size_t entry(const geometry::Roof& roof) const { return static_cast<std::size_t>(roof.body) - network_.local_grains().size() - 1; }
   std::vector<double> gained(const std::vector<geometry::Four>& displacement) const;
   double answer_shared(double dt, const double* wall_velocity);
   void push(const std::vector<double>& pressure, std::vector<geometry::Four>& force) const;
@@ -77,8 +75,10 @@ class PoreResponse {
   std::vector<std::int32_t> id_;                 // the caller's order; empty: that of the network's last update
   std::vector<std::int32_t> input_of_local_;     // where alone: place in the caller's order
   geometry::CellGradients volume_;
+  std::vector<geometry::TriangleCorners> corner_;
+  std::int64_t corners_of_ = -1;                 // number of the mesh of these
   std::vector<std::array<geometry::Four, 4>> push_;  // where forces are not the gradients of the volumes (2), else empty
-  std::vector<Roof> roof_;
+  std::vector<geometry::Roof> roof_;             // of entries of wall_velocity, as bodies behind the grains and the one at rest
   std::vector<double> start_, drift_, stiffness_;
   mutable std::vector<double> gained_;
   mutable std::vector<double> swept_;
@@ -88,6 +88,8 @@ class PoreResponse {
   // Alone, on one rank whose every local grain is one of the caller's and with forces that are the gradients of the volumes, all follows
   // from the displacements since the interval began: displacement_, with those of the walls' entries behind the grains.
   bool alone_ = false;
+  geometry::ResponseMatrix matrix_;
+  std::int64_t connected_ = -1;                  // number of the mesh whose cells and roofs the matrix connects
   std::vector<geometry::Four> moment_;           // displacements times the middles of their steps, m s
   std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
   mutable bool swept_known_ = true;

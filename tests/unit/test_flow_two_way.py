@@ -72,6 +72,36 @@ def test_steps_have_the_networks_coefficients(pack):
         assert (abs(done - given_by_fluid) < 1e-13 * size) == (law == "total")
 
 
+@pytest.mark.parametrize("new_mesh", [False, True])
+def test_what_steps_add_up_to(pack, new_mesh):
+    """From no pressure at all, so that nothing hides an error: the forces of an interval's displacements, of grains and of walls in two
+    parts, are those of the pressures that they make, and the work that they take is in these pressures."""
+    net, flow, x, r = pack
+    rng, ids, group = np.random.default_rng(11), np.arange(120), (np.arange(120) % 2).astype(np.int32)
+    plane = np.tile(UNIT_BOX, (2, 1))
+    plane[1] += np.tile([-0.01, 0.01], 3)
+    assert net.update(ids, x, r, plane, group) in ("repaired", "rebuilt")
+    flow.refresh()
+    coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.zeros(net.pores))
+    if new_mesh:
+        coupling.move(rng.normal(size=x.shape), 1e-8)
+        coupling.exchange()
+        assert coupling.update(ids, np.clip(x + rng.normal(size=x.shape) * 3e-3, 0.01, 0.99), r, plane, group) in ("repaired", "rebuilt")
+        coupling.begin(np.zeros(net.pores))
+    way, wall_way = np.zeros_like(x), np.zeros((2, 6))
+    for _ in range(5):
+        velocity, walls = rng.normal(size=x.shape), rng.normal(size=(2, 6))
+        coupling.move(velocity, 1e-8, walls)
+        way, wall_way = way + velocity * 1e-8, wall_way + walls * 1e-8
+    pressure = np.where(flow.given(DRAINED_BELOW), 0.0, -net.volume_rate(way, wall_way) / flow.storage)
+    np.testing.assert_allclose(coupling.pressure, pressure, rtol=0, atol=1e-12 * np.abs(pressure).max())
+    for one, other in zip(coupling.forces(), net.forces(pressure)):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
+    done, given_by_fluid, _ = coupling.work
+    assert done == pytest.approx(-0.5 * (flow.storage * pressure**2).sum(), rel=1e-11)
+    assert given_by_fluid == pytest.approx(done, rel=1e-11)
+
+
 def test_the_split_names_the_solve(pack):
     """It decides what the grains feel within an interval; over it the fluid does the same, to second order with "predicted"."""
     net, flow, x, _ = pack

@@ -1,0 +1,54 @@
+// What the forces of pressures in cells become once grains and walls have moved, without a look at the cells: dF = -K u with
+// K = sum_c s_c g_c g_c^T, g_c = dV_c/dx and s_c = 1 / (beta V_c). K is symmetric: one block serves both ends of an edge, and all
+// cells around it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "geometry/cell_response.hpp"
+
+namespace poreslip::geometry {
+
+// Part of a cell's boundary on a wall. The wall's displacement along its normal, outward, is the first component of that of a body.
+struct Roof {
+  std::size_t cell;
+  std::int32_t body;
+  double area;  // m^2
+};
+
+// Bodies are what moves, grains first.
+class ResponseMatrix {
+ public:
+  // Finds K's blocks. roofs: by cells, ascending. A vertex that is a wall is listed in cells.grain as the body `wall`, which has none.
+  void connect(const CellGradients& cells, const std::vector<Roof>& roofs, std::size_t bodies, std::int32_t wall);
+
+  // Sets K for the same cells and roofs, whose gradients and areas may have changed. stiffness (cells): s, Pa/m^3.
+  void assemble(const CellGradients& cells, const std::vector<Roof>& roofs, const double* stiffness);
+
+  // -K_ii u_i, N, of one body. A displacement u, m, has 0 in its last component; that of a force means nothing.
+  Four own(std::size_t body, const Four& displacement) const {
+    const auto column = [from = &own_[9 * body]](int q) { return Four{from[3 * q], from[3 * q + 1], from[3 * q + 2], 0.0}; };
+    return column(0) * displacement[0] + column(1) * displacement[1] + column(2) * displacement[2];
+  }
+
+  // Adds -K_ij u_j of all pairs of different bodies to force (bodies), N. displacement (bodies).
+  void add_mutual(const Four* displacement, Four* force) const;
+
+ private:
+  // -K_ij of one body i with four others j: element (r, q) as block[3 * q + r], the four side by side. Of 0 where there is no other.
+  struct alignas(64) Pack {
+    std::array<Four, 9> block;
+    std::array<std::int32_t, 4> other;
+    std::int32_t body;
+  };
+
+  std::vector<Pack> pack_;
+  std::vector<double> own_;          // (bodies, 9): -K_ii by columns
+  std::vector<std::int32_t> place_;  // of the pairs of members k < l of all cells: 4 * pack + lane, or ~ that where l is the pack's body
+  std::int32_t wall_ = 0;
+};
+
+}  // namespace poreslip::geometry
