@@ -72,7 +72,7 @@ class Run:
         else:
             refuse_too_large(case, comm)
             with self.phases.timed("stages"):
-                stage = prepared.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), self._tell)
+                stage = prepared.prepare(case, comm, LiggghtsEngine, self._tell)
         fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
         walls = SceneWalls(case.scene, fault.lower, fault.upper, plate_areas(case, fault))
 

@@ -27,8 +27,8 @@ def plan(case_file: CaseFile, ranks: int) -> str:
         if pack not in packs:
             packs.add(pack)
             packing = PACKING_STEPS * run.estimated_grains / GRAIN_STEPS_PER_S
-            lines.append(f"    stages before loading, once for this pack and only if not kept from before: {_duration(packing / ranks)}")
-            total += packing
+            lines.append(f"    stages before loading, once for this pack and only if not kept from before: {_duration(packing / run.pack.ranks)}")
+            total += packing * ranks / run.pack.ranks
         total += seconds
         lines.append(f"    loading: {_duration(seconds / ranks)}, {memory_bytes(run) / 1e6:.0f} MB")
         lines.append("")

@@ -26,7 +26,7 @@ def main() -> None:
     arguments = parser.parse_args()
     (case,) = select_runs(load_case(arguments.case, arguments.set), [arguments.run]).runs
     comm = MPI.COMM_WORLD
-    stage = prepared.prepare(case, comm, lambda log: LiggghtsEngine(comm, log), lambda line: None)
+    stage = prepared.prepare(case, comm, LiggghtsEngine, lambda line: None)
     fault = fault_geometry(case, stage.manifest["geometry"], case.pack.box_m[2])
     lines = [f"variable {name} index {value}" for name, value in load_variables(case, stage.restart, fault).items()]
     arguments.deck.write_text("\n".join([*lines, f"include {prepared.load_deck(case)}", f"run {arguments.steps}", ""]))

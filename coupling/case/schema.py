@@ -54,6 +54,9 @@ class Pack:
     # Coefficient of friction while the pack is made: 0 makes packs as dense as asked for without it, and looser ones with the little
     # that they need. More makes a pack looser: at 0.02 about 0.43, at 0.1 about 0.47.
     friction: float = allowed(0.0, at_least=0.0, at_most=10.0)
+    # Ranks that make the pack, its initial stress and its bonds, of those of the run; the others wait. Grains come to lie elsewhere on
+    # another number of ranks, so that this number is one of the pack's inputs and that of the run is not. Worth raising from some 1e5 grains on.
+    ranks: int = allowed(1, at_least=1, at_most=1_000_000)
     # Values for the `variable ... index` lines of liggghts-inputs/in.pack, which holds their defaults.
     deck_variables: dict[str, float | int | str] = allowed({})
 

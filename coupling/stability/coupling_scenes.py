@@ -137,7 +137,7 @@ def _at_rest(directory: Path, *settings: str) -> Wet:
     from coupling.engine.liggghts import LiggghtsEngine
 
     case = case_of(directory, *settings)
-    stage = prepared.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), lambda text: None)
+    stage = prepared.prepare(case, MPI.COMM_SELF, LiggghtsEngine, lambda text: None)
     return Wet(case, stage, directory)
 
 

@@ -115,7 +115,7 @@ def of_sample(within: float, *settings: str, agreement: float = 0.05):
         from mpi4py import MPI
 
         case = case_of(directory, *settings)
-        stage = prepared.prepare(case, MPI.COMM_SELF, lambda log: LiggghtsEngine(MPI.COMM_SELF, log), _silent)
+        stage = prepared.prepare(case, MPI.COMM_SELF, LiggghtsEngine, _silent)
         return AtRest(case, stage, directory).limit(within, agreement)
 
     return act

@@ -12,10 +12,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from coupling import __version__
 from coupling.case.run_case import RunCase
-from coupling.collective import raised_together
+from coupling.collective import on_first_ranks, raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError
 from coupling.scene.walls import SCENE_WALLS, wall_positions
@@ -51,8 +52,9 @@ def cache_directory() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "poreslip"
 
 
-def prepare(case: RunCase, comm, open_engine: Callable[[Path], Engine], tell: Callable[[str], None]) -> Stage:
-    """State from which the case is loaded: from the cache where its decks and inputs are the same, else made now; collective."""
+def prepare(case: RunCase, comm, open_engine: Callable[[Any, Path], Engine], tell: Callable[[str], None]) -> Stage:
+    """State from which the case is loaded: from the cache where its decks and inputs are the same, else made now by the first `pack.ranks` ranks, so
+    that it is the same on any number of them. open_engine: of a communicator and the path of a log. Collective."""
     makers = [("pack", "in.pack", _make_pack), ("stress", _scene_deck("stress", case), _make_stress)]
     if case.bonded:
         makers.append(("bond", "in.bond", _make_bonds))
@@ -88,6 +90,15 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
     found = comm.bcast(_read(directory) if comm.rank == 0 else None)
     if found is not None:
         return found
+    if comm.size < case.pack.ranks:
+        raise InputError(
+            f"pack.ranks = {case.pack.ranks} (run {case.name}): the stage {name} of this pack is not kept in {cache_directory()} yet, and so many ranks make it; this run "
+            f"has {comm.size}. Start it once with mpirun -n {case.pack.ranks}, or set pack.ranks = {comm.size}, which makes another pack.")
+    return on_first_ranks(comm, case.pack.ranks, lambda makers: _made(name, deck, make, case, before, makers, open_engine, tell, directory, key))
+
+
+def _made(name: str, deck: Path, make, case: RunCase, before: Stage | None, comm, open_engine, tell, directory: Path, key: str) -> Stage:
+    """Make a stage on the ranks of `comm` and keep it."""
     work = None
     with raised_together(comm):
         if comm.rank == 0:
@@ -96,7 +107,7 @@ def _kept_or_made(name: str, deck: Path, make, case: RunCase, before: Stage | No
     try:
         with StopRequest() as stop:
             results = results_variable([deck, deck.with_name(RELEASE_DECK)] if name == "pack" else [deck], work)
-            engine = open_engine(work / "log.liggghts")
+            engine = open_engine(comm, work / "log.liggghts")
             engine.between_commands = stop.leave_if_received
             engine.define(results)
             manifest = make(case, engine, comm, deck, work, before, tell)

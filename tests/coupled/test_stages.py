@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import time
@@ -58,6 +59,25 @@ def test_what_differs_is_made_anew(run, cache, override, made):
     before = kept(cache)
     assert run(override).returncode == 0
     assert sorted(name.split("-")[0] for name in set(kept(cache)) - set(before)) == made
+
+
+@pytest.mark.parallel
+def test_the_same_on_any_number_of_ranks(run, cache, tmp_path):
+    """A pack that two ranks make is another one: it has a key of its own, and one rank cannot make it."""
+    one = {path.name: digest(path) for path in cache.iterdir()}
+    shutil.rmtree(cache)
+    assert run(ranks=3).returncode == 0
+    assert {path.name: digest(path) for path in cache.iterdir()} == one
+    assert run("pack.ranks=2", ranks=3).returncode == 0
+    assert len(set(kept(cache)) - set(one)) == len(one)
+    assert run("pack.ranks=2").returncode == 0
+    shutil.rmtree(cache)
+    message = the_message(run("pack.ranks=2"), 2)
+    assert "pack.ranks = 2 (run dry)" in message and "mpirun -n 2" in message
+
+
+def digest(stage: Path) -> str:
+    return json.loads((stage / "manifest.json").read_text())["restart_sha256"]
 
 
 #: Beside the servos of in.stress: what they are to hold, Pa, and what an x wall and a plate bear, N.

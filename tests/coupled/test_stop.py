@@ -137,13 +137,15 @@ def test_no_further_run_begins_after_a_signal(tiny_case, run_fault, tmp_path, st
     assert not (run.directory.parent / "wetter").exists()
 
 
-def test_interrupted_while_packing(tiny_case, tmp_path, poreslip):
+@pytest.mark.parametrize("ranks", [1, SEVERAL])
+def test_interrupted_while_packing(tiny_case, tmp_path, poreslip, ranks):
     """Nothing is kept of a stage that was not finished, and the next run makes it."""
     cache = tmp_path / "cache"
-    run = LongRun(tiny_case, tmp_path / "out", cache, 1)
+    run = LongRun(tiny_case, tmp_path / "out", cache, ranks)
     try:
         run.wait_for(lambda: list(cache.glob("pack-*.partial/log.liggghts")))
-        os.kill(run.pid, signal.SIGINT)
+        for pid in run.rank_pids():
+            os.kill(pid, signal.SIGINT)
         status, errors = run.ended()
     finally:
         run.end()
