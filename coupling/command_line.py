@@ -110,6 +110,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--dry-run", action="store_true", help="print the plan (stages, steps, estimated time and memory) and stop")
     run.add_argument("--restart", metavar="DIR", help="continue the run whose results are in DIR, such as out/full/case2, from its newest checkpoint")
     run.add_argument("--checkpoint-every", metavar="N", help="write a checkpoint every N steps of loading (0: none)")
+    # What the stability map finds limits with.
+    run.add_argument("--unrefused", action="store_true", help=argparse.SUPPRESS)
     run.set_defaults(action=_run)
 
     study = commands.add_parser("study", help="error against run time over the settings of a study file", description=_STUDY_DESCRIPTION, **form)
@@ -151,7 +153,7 @@ def _run(chosen: argparse.Namespace) -> int:
         if chosen.case is None:
             raise InputError("a case file is missing: poreslip run CASE, such as poreslip run cases/two_sides/quick.toml.")
         case_file = select_runs(load_case(chosen.case, overrides), chosen.only)
-        options = RunOptions(output_root=_output_root(chosen.out), dry_run=chosen.dry_run)
+        options = RunOptions(output_root=_output_root(chosen.out), dry_run=chosen.dry_run, refuse_unstable=not chosen.unrefused)
     from coupling.driver import run_case_file
 
     return run_case_file(case_file, options) or 0

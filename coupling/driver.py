@@ -42,7 +42,7 @@ def run_case_file(case_file: CaseFile, options: RunOptions) -> int:
                 names = {"case": case_file.stem, "runs": [run.name for run in case_file.runs], "seed": [run.pack.seed for run in case_file.runs]}
                 write_atomically(base / "runs.json", json.dumps(names, indent=2) + "\n")
     for run in case_file.runs:
-        ending = Run(run, options.restart or base / run.name, comm).carry_out(restart=options.restart is not None)
+        ending = Run(run, options.restart or base / run.name, comm, options.refuse_unstable).carry_out(restart=options.restart is not None)
         if ending.signal:
             return 128 + ending.signal
     return 0
@@ -51,8 +51,8 @@ def run_case_file(case_file: CaseFile, options: RunOptions) -> int:
 class Run:
     """One run: its stages, its loading, its report."""
 
-    def __init__(self, case: RunCase, directory: Path, comm):
-        self.case, self.directory, self.comm = case, directory, comm
+    def __init__(self, case: RunCase, directory: Path, comm, refuse_unstable: bool):
+        self.case, self.directory, self.comm, self.refuse_unstable = case, directory, comm, refuse_unstable
         self.phases = Phases()
         self._measures = Measures if case.has_fault else SampleMeasures
 
@@ -135,7 +135,7 @@ class Run:
         held = held_pressure.OfFault(case, comm, fault, PrescribedPressure(case, fault), now) if case.has_fault else held_pressure.OfSample(case)
         flow = TwoWayFlow if case.flow.two_way else OneWayFlow
         self._tell_of_the_split()
-        return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved)
+        return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved, self.refuse_unstable)
 
     def _tell_of_the_split(self) -> None:
         flow = self.case.flow

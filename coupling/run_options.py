@@ -16,3 +16,5 @@ class RunOptions:
     dry_run: bool = False
     # Directory of the run to continue from its newest checkpoint; the case file then holds that one run.
     restart: Path | None = None
+    # Refuse a two-way run beforehand whose time step or servos are known not to hold.
+    refuse_unstable: bool = True

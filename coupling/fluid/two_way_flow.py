@@ -43,10 +43,11 @@ class TwoWayFlow(Dry):
     """A fluid that is coupled both ways with the grains; methods are collective.
 
     held: the pressures that are given, and those at the start. saved: arrays of `state` from a checkpoint, or none of them at the start.
+    refuse_unstable: whether time steps and servos beyond the limits that are known beforehand are refused, at the start.
     """
 
     def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, held: HeldPressure, lower, upper, phases: Phases,
-                 saved: dict[str, np.ndarray]):  # fmt: skip
+                 saved: dict[str, np.ndarray], refuse_unstable: bool = True):  # fmt: skip
         super().__init__(engine, phases)
         self._case, self._comm, self._walls, self._fluid, self._saved = case, comm, walls, case.fluid, saved
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
@@ -54,7 +55,7 @@ class TwoWayFlow(Dry):
         self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z), case.flow.remesh_displacement * case.mean_radius_m)
         self._always = case.flow.remesh == "always"
         self._network.remember_previous()
-        self._held = held
+        self._held, self._refuses = held, refuse_unstable and not saved
         self._flow: PoreFlow | None = None
         self._pressure = self._drainage = np.zeros(0)
         self._coupling: TwoWayCoupling | None = None
@@ -109,7 +110,7 @@ class TwoWayFlow(Dry):
         """Begin an interval, in each of whose steps the engine calls the fluid, with the forces of the present pressures."""
         if self._coupling is None:
             held = self._held.boundary()
-            if not self._saved:
+            if self._refuses:
                 self._refuse_unstable(held)
             self._coupling = TwoWayCoupling(self._network, self._flow, held, self._pressure, self._split, self._case.flow.solver_tolerance, self._law, self._drainage)
             self._engine.couple_fluid(FIX, self._coupling.for_engine, len(GROUPS), self._walls.planes)

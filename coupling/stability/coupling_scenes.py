@@ -99,17 +99,13 @@ class Wet(AtRest):
         from coupling.fluid.two_way_flow import TwoWayFlow
         from coupling.scene.walls import SceneWalls
 
-        class Unrefused(TwoWayFlow):
-            def _refuse_unstable(self, held) -> None:
-                """The limit is what is looked for."""
-
         case = dataclasses.replace(
             self.case, loading=dataclasses.replace(self.case.loading, time_step_fraction=fraction),
             flow=dataclasses.replace(self.case.flow, interval_steps=interval))  # fmt: skip
         engine = self.engine(case.time_step_s)
         box = fault_geometry(case, self.stage.manifest["geometry"], case.pack.box_m[2])
         walls = SceneWalls("sample", box.lower, box.upper, {})
-        flow = Unrefused(case, engine, self._comm, walls, OfSample(case), box.lower, box.upper, Phases(), {})
+        flow = TwoWayFlow(case, engine, self._comm, walls, OfSample(case), box.lower, box.upper, Phases(), {}, refuse_unstable=False)
 
         def kinetic() -> float:
             return float(engine.atom("rmass") @ (engine.atom("v") ** 2).sum(axis=1))

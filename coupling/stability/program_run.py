@@ -53,7 +53,7 @@ class Ran:
 
 def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None = None, unrefused: bool = False) -> Ran:
     """Run a case (TOML, with one run) with `--set` values. decks: lines to add to decks, by name, for what the checks of a case would refuse.
-    unrefused: past the limits that are known beforehand, to find out where they are."""
+    unrefused: past the limits of time steps and servos that are known beforehand, to find out where they are."""
     directory.mkdir(parents=True, exist_ok=True)
     if decks:
         copy = directory / "decks"
@@ -63,8 +63,8 @@ def run(directory: Path, case: str, *settings: str, decks: dict[str, str] | None
         case = 'decks_directory = "decks"\n' + case
     (directory / "case.toml").write_text(case)
     ranks = int(os.environ.get(RANKS, "1"))
-    module = "coupling.stability.unrefused" if unrefused else "coupling"
-    command = [*on_ranks(ranks), sys.executable, "-m", module, "run", str(directory / "case.toml"), "--out", str(directory)]
+    command = [*on_ranks(ranks), sys.executable, "-m", "coupling", "run", str(directory / "case.toml"), "--out", str(directory)]
+    command += ["--unrefused"] if unrefused else []
     command += [part for setting in settings for part in ("--set", setting)]
     status, said = in_time(command, PATIENCE_S)
     return Ran(status, " ".join(said.split("\n-----")[0].split()), directory / "case" / "run", ranks)
