@@ -8,19 +8,13 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from coupling.stability.small_cases import FAULT_BOX, FAULT_LOADING, UPRIGHT_BOX
+
 #: 396 steps of 467 grains, weak enough bonds that dozens break. As fast as it is loaded it is far from quasi-static.
-TINY = """\
-scene = "two_sides"
-pack.box_m = [0.031, 0.007, 0.015]
-fault.gouge_width_m = 0.005
-material.local_damping = 0.2
+TINY = FAULT_BOX + """\
 bonds.strength_mean_Pa = 3e6
 bonds.strength_sd_Pa = 0.6e6
-output.history_interval_steps = 20
-
-[loading]
-horizontal_strain = 2e-4
-strain_rate_per_s = 5.0
+""" + FAULT_LOADING + """\
 time_step_fraction = 0.5
 
 [flow]
@@ -36,15 +30,8 @@ name = "dry"
 pressure.mode = "none"
 """
 #: An upright fault, periodic along it, in the scene "supplement"; as many steps.
-UPRIGHT = """\
-scene = "supplement"
-pack.box_m = [0.022, 0.007, 0.012]
-fault.gouge_width_m = 0.005
-fault.dip_degrees = 90.0
-fault.end_band_m = 0.0
-material.local_damping = 0.2
+UPRIGHT = UPRIGHT_BOX + """\
 loading.time_step_fraction = 0.5
-output.history_interval_steps = 20
 flow.interval_steps = 10
 
 [supplement]

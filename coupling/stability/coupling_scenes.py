@@ -11,45 +11,17 @@ from coupling.case.run_case import RunCase
 from coupling.case.staggered_limit import layers_of
 from coupling.errors import ComputationError, InputError
 from coupling.stability.grain_limits import GROWN, PERTURBED, AtRest
-from coupling.stability.grain_scenes import FAULT, sheared
+from coupling.stability.grain_scenes import sheared
 from coupling.stability.program_run import Ran, judged, run
 from coupling.stability.scene import FAILED, REFUSED, STABLE, STOPPED, Outcome, Scene, bisected, limit
+from coupling.stability.small_cases import FAULT, UPRIGHT, WET
 from coupling.stages import prepared
 from coupling.stages.deck_variables import fault_geometry
 
-#: 138 grains under a load on top, over a drained bottom; 600 steps at a quarter of 0.63 sqrt(m_min / k_n).
-WET = """\
-scene = "sample"
-pack.box_m = [0.01, 0.01, 0.01]
-pack.porosity = 0.40
-material.local_damping = 0.2
-loading.time_step_fraction = 0.25
-sample.walls = { z_top = "stress 1.1e7" }
-sample.loading_time_s = 3e-5
-fluid.viscosity_Pa_s = 10.0
-fluid.faces = { zmin = 0.0 }
-flow.kind = "solve"
-flow.interval_steps = 10
-output.history_interval_steps = 40
-"""
 WATER = 4.6e-10
 FIXED = 'sample.walls={ z_top = "fixed" }'
 #: A fluid ten times as stiff as water, which answers at solves alone.
 STIFF_LATE = (f"fluid.compressibility_per_Pa={WATER / 10}", 'flow.split="staggered"')
-#: An upright fault of some hundred grains, periodic along it.
-UPRIGHT = """\
-scene = "supplement"
-pack.box_m = [0.022, 0.007, 0.012]
-fault.gouge_width_m = 0.005
-fault.dip_degrees = 90.0
-fault.end_band_m = 0.0
-material.local_damping = 0.2
-pressure.mode = "none"
-output.history_interval_steps = 20
-supplement.shear_stress_Pa = 1.2e7
-supplement.ramp_time_s = 2e-5
-supplement.hold_time_s = 4e-5
-"""
 
 
 def intervals(steps: int) -> tuple[str, str]:

@@ -17,8 +17,9 @@ from coupling.case.schema import PACK
 from coupling.engine.liggghts import LiggghtsEngine
 from coupling.errors import ComputationError
 from coupling.stability.contact_spectrum import contacts_of, stable_time_step
-from coupling.stability.grain_scenes import SAMPLE, SIZES, of_sizes
+from coupling.stability.grain_scenes import SIZES, of_sizes
 from coupling.stability.scene import FAILED, STABLE, Outcome, Scene, bisected, limit
+from coupling.stability.small_cases import SAMPLE
 from coupling.stages import prepared
 from coupling.stages.deck_variables import fault_geometry, load_variables, stress_variables
 from coupling.stages.packing import Packing

@@ -6,30 +6,8 @@ from pathlib import Path
 
 from coupling.stability.program_run import Ran, judged, run
 from coupling.stability.scene import REFUSED, STABLE, STOPPED, WARNED, Outcome, Scene
+from coupling.stability.small_cases import FAULT, SAMPLE
 
-#: 138 grains, whose top is loaded by a tenth in 400 steps of the default length.
-SAMPLE = """\
-scene = "sample"
-pack.box_m = [0.01, 0.01, 0.01]
-pack.porosity = 0.40
-sample.walls = { z_top = "stress 1.1e7" }
-sample.loading_time_s = 4e-5
-flow.kind = "none"
-output.history_interval_steps = 20
-"""
-#: 467 grains around a gouge, with bonds that hold.
-FAULT = """\
-scene = "two_sides"
-pack.box_m = [0.031, 0.007, 0.015]
-fault.gouge_width_m = 0.005
-material.local_damping = 0.2
-pressure.mode = "none"
-output.history_interval_steps = 20
-
-[loading]
-horizontal_strain = 2e-4
-strain_rate_per_s = 5.0
-"""
 #: Box, m, and diameters, m, by how far apart the sizes are.
 SIZES = {"1.2": (0.01, (1.8e-3, 2.2e-3)), "3": (0.012, (1e-3, 3e-3)), "10": (0.02, (5e-4, 5e-3))}
 FRACTIONS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.2)

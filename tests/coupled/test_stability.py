@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from processes import the_message
 
-from coupling.stability.grain_scenes import SAMPLE, loaded
+from coupling.stability.grain_scenes import loaded
+from coupling.stability.small_cases import SAMPLE
 from coupling.stability.program_run import in_time, judged, run
 from coupling.stability.scene import FAILED, STABLE, Outcome, bisected, limit
 from coupling.stability.table import Line, page

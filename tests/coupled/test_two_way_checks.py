@@ -9,14 +9,11 @@ import pytest
 from processes import the_message
 from tiny_fault import settings
 
-from coupling.stability.grain_scenes import FAULT
+from coupling.stability.small_cases import BOX, FAULT
 
 SEVERAL = pytest.param(2, marks=pytest.mark.parallel)
-#: 138 grains; drained at the bottom, so that the loaded wall has undrained pores behind it.
-SMALL = """\
-scene = "sample"
-pack.box_m = [0.01, 0.01, 0.01]
-pack.porosity = 0.40
+#: Drained at the bottom, so that the loaded wall has undrained pores behind it.
+SMALL = BOX + """\
 loading.time_step_fraction = 0.25
 sample.loading_time_s = 5e-6
 sample.ramp_time_s = 5e-6
