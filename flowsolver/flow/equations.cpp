@@ -53,13 +53,15 @@ void PoreFlow::number(const bool* fixed, bool stored) {
   if (!any_rank(comm_, other)) return;
   const std::vector<std::uint8_t> fixed_before = std::move(fixed_);
   const bool same_mesh = numbered_mesh_ == network_.mesh_number();
+  numbered_mesh_ = -1;
+  given_ = std::move(given);
+  fixed_ = given_;
+  sealed_ = !any_rank(comm_, std::find(given_.begin(), given_.end(), 1) != given_.end());
+  cut_off_ = 0;
+  if (!stored) look_for_parts();
   numbered_mesh_ = network_.mesh_number();
   numbered_stored_ = stored;
   numbered_throats_ = true;
-  given_ = std::move(given);
-  fixed_ = given_;
-  cut_off_ = 0;
-  if (!stored) look_for_parts();
   if (!any_rank(comm_, !same_mesh || fixed_ != fixed_before)) return;
   structured_ = false;
   free_.clear();
@@ -78,16 +80,19 @@ void PoreFlow::number(const bool* fixed, bool stored) {
 }
 
 // Pores that no chain of open throats joins to a given pressure keep their own: without storage nothing determines it. Where no pressure is given at
-// all, all pores that have open throats must be of one part.
+// all, those without any open throat do, and all others must be of one part.
 void PoreFlow::look_for_parts() {
   const std::vector<double>& c = throats_.conductance;
   bool shut = false;
   for (std::size_t f = 0; f < c.size() && !shut; ++f) shut = c[f] == 0.0 && throats_.owned[f];
   if (!any_rank(comm_, shut)) return;
-  const bool given = any_rank(comm_, std::find(fixed_.begin(), fixed_.end(), 1) != fixed_.end());
   const std::vector<std::int64_t> part = connected_parts(network_, throats_);
-  if (given) cut_off_ = fix_cut_off(network_, part, fixed_);
-  else refuse_several(network_, throats_, part);
+  if (!sealed_) {
+    cut_off_ = fix_cut_off(network_, part, fixed_);
+    return;
+  }
+  cut_off_ = fix_isolated(network_, throats_, fixed_);
+  refuse_several(network_, part, fixed_);
 }
 
 // Throats between pores of which this rank owns the throat but not the pore, and the other way round.

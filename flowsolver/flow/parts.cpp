@@ -96,17 +96,32 @@ std::int64_t fix_cut_off(PoreNetwork& network, const std::vector<std::int64_t>& 
   return sum(network.communicator(), count);
 }
 
-void refuse_several(PoreNetwork& network, const Throats& throats, const std::vector<std::int64_t>& part) {
-  MPI_Comm comm = network.communicator();
+std::int64_t fix_isolated(PoreNetwork& network, const Throats& throats, std::vector<std::uint8_t>& fixed) {
   const Mesh& mesh = network.mesh();
-  // A pore without any open throat keeps its own pressure.
-  std::vector<double> open(part.size(), 0.0);
-  for (std::size_t f = 0; f < throats.conductance.size(); ++f)
-    if (throats.conductance[f] > 0.0) open[mesh.facet.left[f]] = open[mesh.facet.right[f]] = 1.0;
-  network.exchange().add_to_owner(open.data());
+  const PoreExchange& exchange = network.exchange();
+  std::vector<double> open(fixed.size(), 0.0);
+  for (std::size_t f = 0; f < throats.conductance.size(); ++f) {
+    const std::int32_t a = mesh.facet.left[f], b = mesh.facet.right[f];
+    // A throat to a pore's own image leads nowhere else.
+    const bool same = exchange.owner_rank(a) == exchange.owner_rank(b) && exchange.owner_index(a) == exchange.owner_index(b);
+    if (throats.conductance[f] > 0.0 && !same) open[a] = open[b] = 1.0;
+  }
+  exchange.add_to_owner(open.data());
+  exchange.fetch(open.data());
+  std::int64_t count = 0;
+  for (std::size_t c = 0; c < fixed.size(); ++c) {
+    if (fixed[c] || open[c] > 0.0) continue;
+    fixed[c] = 1;
+    count += network.owned()[c];
+  }
+  return sum(network.communicator(), count);
+}
+
+void refuse_several(PoreNetwork& network, const std::vector<std::int64_t>& part, const std::vector<std::uint8_t>& fixed) {
+  MPI_Comm comm = network.communicator();
   std::map<std::int64_t, std::int64_t> pores, all;
   for (std::size_t c = 0; c < part.size(); ++c)
-    if (network.owned()[c] && open[c] > 0.0) ++pores[part[c]];
+    if (network.owned()[c] && !fixed[c]) ++pores[part[c]];
   std::vector<Pair> own;
   for (const auto& [p, count] : pores) own.push_back({p, count});
   for (const Pair& found : gathered(comm, own)) all[found[0]] += found[1];
@@ -115,7 +130,7 @@ void refuse_several(PoreNetwork& network, const Throats& throats, const std::vec
   const auto smallest = std::min_element(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   std::string fault;
   for (std::size_t c = 0; c < part.size() && fault.empty(); ++c) {
-    if (!network.owned()[c] || open[c] == 0.0 || part[c] != smallest->first) continue;
+    if (!network.owned()[c] || fixed[c] || part[c] != smallest->first) continue;
     std::vector<double> centre(3 * part.size());
     network.pore_centre(centre.data());
     char text[400];

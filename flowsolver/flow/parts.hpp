@@ -16,7 +16,10 @@ std::vector<std::int64_t> connected_parts(PoreNetwork& network, const Throats& t
 // there are, over all ranks.
 std::int64_t fix_cut_off(PoreNetwork& network, const std::vector<std::int64_t>& part, std::vector<std::uint8_t>& fixed);
 
-// Collective. Throws InputError on all ranks if the pores that have open throats are of several parts.
-void refuse_several(PoreNetwork& network, const Throats& throats, const std::vector<std::int64_t>& part);
+// Collective. The same for the pores without any open throat.
+std::int64_t fix_isolated(PoreNetwork& network, const Throats& throats, std::vector<std::uint8_t>& fixed);
+
+// Collective. Throws InputError on all ranks if the pores that are not fixed are of several parts.
+void refuse_several(PoreNetwork& network, const std::vector<std::int64_t>& part, const std::vector<std::uint8_t>& fixed);
 
 }  // namespace poreslip::flow

@@ -130,7 +130,7 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   }
   // The solver is left with the deviation from a reference pressure, so that its tolerance is one of what drives the flow. In a
   // sealed box that is the mean pressure, which is known beforehand; else the mean of the given pressures.
-  const bool sealed = sum(comm_, std::count(network_.owned(), network_.owned() + n, true)) == all_rows_;
+  const bool sealed = sealed_;
   const double reference = sealed ? sealed_mean(conditions, stored, dt) : given_mean(conditions);
   const double start_reference = sealed ? sealed_mean(conditions, stored, 0.0) : reference;
   const bool same_structure = structured_;

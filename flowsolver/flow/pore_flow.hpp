@@ -120,6 +120,7 @@ class PoreFlow {
   std::int64_t numbered_mesh_ = -1;  // what the numbers are of
   bool numbered_stored_ = false, numbered_throats_ = false;
   std::vector<std::uint8_t> given_;
+  bool sealed_ = false;              // no pressure is given anywhere
 
   std::vector<std::vector<std::int64_t>> outgoing_;  // for each rank that owns a side's pore (or a copy's, itself): 2 * throat + side
   std::vector<RemotePlace> incoming_;                // of such throats here, in the order in which they arrive,
