@@ -67,7 +67,7 @@ def carry_out(file: str, root: Path, dry_run: bool, keep: bool) -> int:
         if work.rows:
             write_table(work.rows, paths.results / TABLE)
     _write(study, work.rows, paths, file)
-    return 0
+    return 0 if any(math.isfinite(row.error) for row in work.rows if not row.is_reference) else ComputationError.exit_status
 
 
 class Work:
@@ -88,6 +88,8 @@ class Work:
             self.rows.append(self._row(setting, is_reference=True))
             if not self.rows[-1].stable:
                 raise ComputationError(f"the reference, {setting}, did not come to its end: {self.rows[-1].reason}")
+            if math.isnan(self.rows[-1].error):
+                raise InputError(f"the reference, {setting}, does not show what [observable] asks for: {self.rows[-1].reason}.")
             self._tell(setting, self.rows[-1])
         for setting in self._plan.settings:
             if setting.jobs["run"].digest in digests:

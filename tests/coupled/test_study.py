@@ -158,6 +158,20 @@ def test_a_reference_that_fails_ends_the_study(study):
     assert "the reference" in the_message(done, 3)
 
 
+def test_a_reference_without_the_observable_ends_the_study(study):
+    """Before its other runs, all of which would lack it as well."""
+    text = RATES.replace('column = "sigma_n_Pa"', 'column = "sigma_Pa"')
+    message = the_message(study(text)[0], 2)
+    assert "does not show what [observable] asks for: history.csv has no column sigma_Pa; its columns: step, " in message and "kinetic_energy_J" in message
+
+
+def test_a_study_without_any_error_to_tell_has_failed(study):
+    text = RATES.replace('column = "sigma_n_Pa"\nover = "strain"', 'column = "sigma_Pa"').replace('settings = { "loading.strain_rate_per_s" = 5.0 }', "value = 1.0")
+    done, results = study(text)
+    assert done.returncode == 3 and "No setting has an error to judge by" in done.stdout
+    assert (results / "study.md").is_file()
+
+
 def test_not_under_mpirun(tiny_case, mpirun, tmp_path):
     (tmp_path / "study.toml").write_text(RATES)
     done = mpirun(2, ["-m", "coupling", "study", tmp_path / "study.toml", "--out", tmp_path / "out"])
