@@ -16,6 +16,8 @@ from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
+#: Overlaps under the initial stress that a wall may move in a step: such a run warns of its loading rate from a twentieth of one on.
+MOST_OVERLAPS = 10.0
 
 
 def problems(run: RunCase) -> Iterator[Problem]:
@@ -125,6 +127,13 @@ def _loading(run: RunCase) -> Iterator[Problem]:
     if run.loading_steps < 10:
         yield rate, (f"loading takes {run.loading_steps} steps of {run.time_step_s:.3g} s, too few to follow the grains; {slower}, or see whether that step, which "
                      "material.modulus_Pa, pack.density_kg_m3 and pack.diameter_m decide, is as it should be")
+    # Half of the rate to each x wall.
+    step, overlap = 0.5 * run.loading.strain_rate_per_s * run.pack.box_m[0] * run.time_step_s, run.initial_overlap_m
+    if run.scene == "two_sides" and step > MOST_OVERLAPS * overlap:
+        yield "loading.vertical_stress_Pa", (
+            f"presses grains of this stiffness into each other by about {overlap:.2g} m, and a wall moves {step:.2g} m in one step at loading.strain_rate_per_s = "
+            f"{run.loading.strain_rate_per_s:g}: no contact bears that. It is in Pa (1e7 is 10 MPa): raise it, or lower the rate to less than "
+            f"{MOST_OVERLAPS * run.loading.strain_rate_per_s * overlap / step:.2g}")
     if run.loading_steps > 2**31 - 1:
         yield rate, f"loading takes {run.loading_steps:.3g} steps of {run.time_step_s:.3g} s, more than the engine can count; {faster}"
 

@@ -81,6 +81,11 @@ class RunCase:
         return self.supplement.normal_stress_Pa if self.scene == "supplement" else self.loading.vertical_stress_Pa
 
     @property
+    def initial_overlap_m(self) -> float:
+        """Estimate of the overlap of two mean grains under the initial stress, sigma d^2 / k_n."""
+        return self.initial_stress_Pa * (2.0 * self.mean_radius_m) ** 2 / self.normal_stiffness_N_per_m
+
+    @property
     def loading_time_s(self) -> float:
         """Time from the start of loading to its end."""
         if self.scene == "supplement":

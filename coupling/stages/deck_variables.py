@@ -117,7 +117,7 @@ def _settling_variables(case: RunCase) -> dict[str, object]:
 
 def _plate_speed(case: RunCase, limit: float, overlaps: float) -> float:
     """Largest speed of a plate, m/s: `limit`, or `overlaps` times the mean overlap under the initial stress, sigma d^2 / k_n, in a step."""
-    overlap = case.initial_stress_Pa * (2.0 * case.mean_radius_m) ** 2 / case.normal_stiffness_N_per_m
+    overlap = case.initial_overlap_m
     return min(limit, overlaps * overlap / case.time_step_s)
 
 

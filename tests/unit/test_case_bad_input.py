@@ -92,6 +92,7 @@ BAD_OVERRIDES = {
     "one pressure that is two": ("pressure.mode=uniform", 'choose mode "linear"'),
     "pressure of zero": ("pressure.left_target_Pa=0", 'set pressure.mode = "none"'),
     "formula in another mode": ("pressure.expression=p_t", 'set pressure.mode = "expression"'),
+    "a stress in MPa": ("loading.vertical_stress_Pa=10", "It is in Pa (1e7 is 10 MPa)"),
     "supplement with a dip": ("scene=supplement", "set it to 90"),
 }
 
