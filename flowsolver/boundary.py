@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
-from flowsolver.network import PoreNetwork, checked_array
+from flowsolver.network import FACES, PoreNetwork, checked_array
 
-FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
 SAME_PLACE = 1e-12
 """Of the box's longest side: what rounding leaves between places that are the same."""
 PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
@@ -87,25 +87,25 @@ class Conditions:
                 faults.append(f"the point {tuple(point)} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
         network.agree(faults)
 
-        owner = np.full(m, -1)
-        start, source = before.copy(), np.zeros(m)
-        vertices, centre = network.grains_of_pore, network.pore_centre
+        owner = np.full(m, -1, np.int16)
+        start, source, places = before.copy(), np.zeros(m), _Places(network)
         for index, (face, value) in enumerate(boundary.pressure.items()):
-            touching = np.flatnonzero((vertices == -1 - FACES.index(face)).any(axis=1) & (owner < 0))
-            given = _values(f"the pressure of face {face!r}", value, centre[touching], faults)
+            touching = network.pores_at_wall(face)
+            touching = touching[owner[touching] < 0]
+            given = _values(f"the pressure of face {face!r}", value, places.of(touching, value), faults)
             touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
             start[touching] = given
             owner[touching] = index
         pointed = np.zeros(m, bool)
         for *point, value in boundary.points:
-            holds = _nearest(network, point, centre, vertices)
+            holds = _nearest(network, point, places)
             if (pointed[holds] & (start[holds] != value)).any():
                 faults.append(f"the point {tuple(point)} lies in a pore that another point gives another pressure: leave one of them out")
             pointed[holds] = True
             start[holds] = value
             owner[holds] = len(boundary.pressure)
         if boundary.inside is not None:
-            given = _values("the pressure inside", boundary.inside, centre, faults)
+            given = _values("the pressure inside", boundary.inside, places.centre, faults)
             holds = ~np.ma.getmaskarray(given) & (owner < 0)
             start[holds] = given.data[holds]
             owner[holds] = len(boundary.pressure) + 1
@@ -113,11 +113,11 @@ class Conditions:
             faults.append("a given pressure is not a finite number")
         network.agree(faults)
         for face, value in boundary.inflow.items():
-            source += (flow := _through(network, face, value, centre, faults))
+            source += (flow := _through(network, face, value, places, faults))
             if not np.isfinite(flow).all():
                 faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
         for *point, flow in boundary.sources:
-            source[_nearest(network, point, centre, vertices)] += flow
+            source[_nearest(network, point, places)] += flow
         network.agree(faults)
         return cls(network, boundary, owner >= 0, owner, before, start, source, rate)
 
@@ -125,9 +125,10 @@ class Conditions:
         """Flow out of the box, m^3/s, by face and over all ranks, as `FlowResult` has it. supply (m,) m^3/s: what each pore needs from outside. Collective."""
         boundary, owner, network = self.boundary, self.owner, self.network
         names = [*boundary.pressure, "points", "inside", *boundary.inflow]
-        owned, centre = network.owned, network.pore_centre if boundary.inflow else None
-        given = [-supply[owned & (owner == k)].sum() for k in range(len(names) - len(boundary.inflow))]
-        sums = np.array([*given, *(-_through(network, face, value, centre, [])[owned].sum() for face, value in boundary.inflow.items())])
+        owned, places = network.owned, _Places(network)
+        holders = np.flatnonzero(owned & (owner >= 0))
+        given = -np.bincount(owner[holders], supply[holders], len(names) - len(boundary.inflow))
+        sums = np.array([*given, *(-_through(network, face, value, places, [])[owned].sum() for face, value in boundary.inflow.items())])
         network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
         outflow["points"] -= float(sum(source[3] for source in boundary.sources))
@@ -136,6 +137,27 @@ class Conditions:
         if boundary.inside is None:
             del outflow["inside"]
         return outflow
+
+
+class _Places:
+    """Of a network's pores, for those boundaries that ask."""
+
+    def __init__(self, network: PoreNetwork) -> None:
+        self._network = network
+
+    @cached_property
+    def centre(self) -> NDArray[np.float64]:
+        """(m, 3) m"""
+        return self._network.pore_centre
+
+    @cached_property
+    def vertices(self) -> NDArray[np.int64]:
+        """(m, 4)"""
+        return self._network.grains_of_pore
+
+    def of(self, pores: NDArray[np.intp], value: PressureValue) -> NDArray[np.float64]:
+        """(k, 3) m: centres of some pores for a value there; a number asks for none."""
+        return self.centre[pores] if callable(value) else np.broadcast_to(np.nan, (len(pores), 3))
 
 
 def _values(name: str, value: PressureValue, place: NDArray[np.float64], faults: list[str]) -> np.ma.MaskedArray:
@@ -153,29 +175,29 @@ def _values(name: str, value: PressureValue, place: NDArray[np.float64], faults:
     return found
 
 
-def _nearest(network: PoreNetwork, point: Sequence[float], centre: NDArray[np.float64], vertices: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _nearest(network: PoreNetwork, point: Sequence[float], places: _Places) -> NDArray[np.bool_]:
     """(m,) bool: the pore whose centre is nearest to a point (3,) m, across periods too, with its copies; of several as near the one of the
     grains with the lowest ids, whatever the ranks. Collective."""
-    step = centre - np.array(point)
+    step = places.centre - np.array(point)
     for axis in np.flatnonzero(network.periodic):
         step[:, axis] -= network.lengths[axis] * np.round(step[:, axis] / network.lengths[axis])
     distance = np.where(network.owned, np.linalg.norm(step, axis=1), np.inf)
     least = network.comm.allreduce(float(distance.min(initial=np.inf)), op=MPI.MIN)
     near = np.flatnonzero(distance <= least + SAME_PLACE * network.lengths.max())
-    candidates = [(np.sort(vertices[k]).tolist(), step[k].tolist(), network.comm.rank, int(k)) for k in near]
+    candidates = [(np.sort(places.vertices[k]).tolist(), step[k].tolist(), network.comm.rank, int(k)) for k in near]
     *_, rank, index = min(candidate for part in network.comm.allgather(candidates) for candidate in part)
-    holds = np.zeros(len(centre))
+    holds = np.zeros(network.pores)
     if rank == network.comm.rank:
         holds[index] = 1.0
     # Its grains alone do not tell a pore from others where a period is short.
     return network.native.share(holds) > 0.0
 
 
-def _through(network: PoreNetwork, face: str, value: PressureValue, centre: NDArray[np.float64], faults: list[str]) -> NDArray[np.float64]:
+def _through(network: PoreNetwork, face: str, value: PressureValue, places: _Places, faults: list[str]) -> NDArray[np.float64]:
     """(m,) m^3/s: into each pore through a face with a given inflow, m/s."""
     area = network.roof_area(face)
     # The function is one of places at that wall.
-    touching = area != 0.0
+    touching = np.flatnonzero(area)
     flow = np.zeros(len(area))
-    flow[touching] = area[touching] * _values(f"the inflow of face {face!r}", value, centre[touching], faults).filled(0.0)
+    flow[touching] = area[touching] * _values(f"the inflow of face {face!r}", value, places.of(touching, value), faults).filled(0.0)
     return flow

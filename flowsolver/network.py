@@ -20,6 +20,7 @@ InputError: type[ValueError] = _native.InputError
 ComputationError: type[RuntimeError] = _native.ComputationError
 """The input was sound but the computation failed. Raised on all ranks together."""
 
+FACES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
 LEAST_OPEN_SHARE = 0.02
 """A throat's open area counts as at least this share of its facet."""
 LEAST_VOID_SHARE = 0.05
@@ -170,6 +171,10 @@ class PoreNetwork:
         """(m, 4) int64, local: ids of each cell's grains; -1 to -6 are the walls x low, x high, y low, ... z high."""
         return self._native.grains_of_pore()
 
+    def pores_at_wall(self, face: str) -> NDArray[np.int32]:
+        """(k,) int32, local: the pores that touch the wall "xmin" ... "zmax", in order."""
+        return self._native.pores_at_wall(FACES.index(face))
+
     @property
     def pores_of_throat(self) -> NDArray[np.int32]:
         """(f, 2) int32, local: the pores on the left and right of each throat."""
@@ -270,7 +275,7 @@ class PoreNetwork:
     def roof_area(self, face: str) -> NDArray[np.float64]:
         """(m,) float64, m^2: area of each pore's cell on the wall "xmin" ... "zmax". Collective."""
         speed = np.zeros((self._native.groups, 6))
-        speed[:, ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax").index(face)] = 1.0
+        speed[:, FACES.index(face)] = 1.0
         return self._native.volume_rate(np.zeros((self._native.grains, 3)), speed)
 
     def report(self) -> dict[str, Any]:

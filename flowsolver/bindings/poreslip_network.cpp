@@ -34,10 +34,11 @@ Out<T> new_array(std::initializer_list<std::size_t> shape) {
   return Out<T>(data, shape, owner);
 }
 
-Out<double> to_array(std::vector<double> values) {
-  auto* kept = new std::vector<double>(std::move(values));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-  return Out<double>(kept->data(), {kept->size()}, owner);
+template <class T>
+Out<T> to_array(std::vector<T> values) {
+  auto* kept = new std::vector<T>(std::move(values));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return Out<T>(kept->data(), {kept->size()}, owner);
 }
 
 }  // namespace
@@ -125,6 +126,9 @@ NB_MODULE(poreslip_network, m) {
             return out;
           },
           "(m, 4) int64, local: ids of each cell's grains; -1 .. -6: walls x low, x high, y low, y high, z low, z high.")
+      .def(
+          "pores_at_wall", [](const PoreNetwork& self, int wall) { return to_array(self.pores_at_wall(wall)); }, nb::arg("wall"),
+          "(k,) int32, local: the pores that touch a wall, 0 to 5 for x low ... z high, in order.")
       .def(
           "pores_of_throat",
           [](const PoreNetwork& self) {

@@ -11,10 +11,9 @@ from typing import Any, NoReturn
 
 from mpi4py import MPI
 
-from flowsolver.boundary import FACES
 from flowsolver.command.formula import Formula
 from flowsolver.command.run import run
-from flowsolver.network import ComputationError, InputError
+from flowsolver.network import FACES, ComputationError, InputError
 
 INPUT_ERROR, COMPUTATION_ERROR = 2, 3
 #: What options of the linear solver begin with on PETSc's command line, and on this one.

@@ -13,12 +13,12 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from flowsolver.boundary import FACES, Boundary
+from flowsolver.boundary import Boundary
 from flowsolver.command import files
 from flowsolver.command.formula import Formula
 from flowsolver.command.grain_file import Grains, read_grains
 from flowsolver.flow import FlowResult, PoreFlow
-from flowsolver.network import InputError, PoreNetwork
+from flowsolver.network import FACES, InputError, PoreNetwork
 
 
 def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:

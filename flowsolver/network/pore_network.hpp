@@ -31,6 +31,7 @@ struct NetworkReport {
 };
 
 struct ThroatSections {
+  explicit ThroatSections(std::size_t throats) : facet_area(throats), open_area(throats), perimeter(throats), length(throats) {}
   std::vector<double> facet_area, open_area, perimeter, length;  // m^2, m^2, m, m
 };
 
@@ -74,10 +75,13 @@ class PoreNetwork {
   void cell_volume(double* volume);                                         // local, (pores)
   void volumes(double* cell, double* pore);                                 // local, (pores) each
   void grains_of_pore(std::int64_t* id) const;                              // local, (pores, 4)
+  std::vector<std::int32_t> pores_at_wall(int wall) const;                  // local, in order
   void pores_of_throat(std::int32_t* pore) const;                           // local, (throats, 2)
   void grains_of_throat(std::int64_t* id) const;                            // local, (throats, 3)
   void owned_throats(bool* owned) const;                                    // local, (throats)
   ThroatSections throat_sections();                                         // local
+  // Local. Of `count` throats from `first` on, into sections of as many. centre (3 * pores() + 1) as `unwrapped_centre` has them.
+  void throat_sections(std::size_t first, std::size_t count, const double* centre, ThroatSections& sections);
 
   // Pores and throats that FLOW's limiter would touch: open area below a share of the facet, void below a share of the cell.
   Limited limited(double least_open_share, double least_void_share);

@@ -42,6 +42,14 @@ void PoreNetwork::grains_of_pore(std::int64_t* id) const {
     }
 }
 
+std::vector<std::int32_t> PoreNetwork::pores_at_wall(int wall) const {
+  std::vector<std::int32_t> found;
+  for (std::size_t c = mesh_.cell_end[0]; c < pores(); ++c)
+    for (int k = 0; k < 4; ++k)
+      if (mesh_.cell_vertex[k][c] == vertex_of_wall(wall)) found.push_back(static_cast<std::int32_t>(c));
+  return found;
+}
+
 void PoreNetwork::pores_of_throat(std::int32_t* pore) const {
   for (std::size_t f = 0; f < throats(); ++f) {
     pore[2 * f] = mesh_.facet.left[f];
@@ -65,14 +73,18 @@ void PoreNetwork::owned_throats(bool* owned) const {
 }
 
 ThroatSections PoreNetwork::throat_sections() {
-  ThroatSections s;
-  for (auto* v : {&s.facet_area, &s.open_area, &s.perimeter, &s.length}) v->resize(throats());
-  const Timer timer(report_.geometry);
-  geometry::throat_sections(mesh_.facet_view(), view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
+  ThroatSections sections(throats());
   std::vector<double> centre(3 * pores() + 1);
-  geometry::cell_centroids(mesh_.cell_view(), view(), centre.data());
-  geometry::throat_lengths(mesh_.facet_view(), centre.data(), s.length.data());
-  return s;
+  unwrapped_centre(centre.data());
+  throat_sections(0, throats(), centre.data(), sections);
+  return sections;
+}
+
+void PoreNetwork::throat_sections(std::size_t first, std::size_t count, const double* centre, ThroatSections& s) {
+  const Timer timer(report_.geometry);
+  const FacetView part = mesh_.facet_view().part(first, count);
+  geometry::throat_sections(part, view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
+  geometry::throat_lengths(part, centre, s.length.data());
 }
 
 Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
