@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 from coupling.case.run_case import CaseFile, RunCase
@@ -86,6 +87,7 @@ class Run:
             engine.define(prepared.results_variable([prepared.load_deck(case)], self.directory))
             engine.deck(prepared.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
             _require(case, engine)
+        self._tell_of_the_decks_step(engine)
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         saved = None
@@ -136,6 +138,14 @@ class Run:
         flow = TwoWayFlow if case.flow.two_way else OneWayFlow
         self._tell_of_the_split()
         return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved, self.refuse_unstable)
+
+    def _tell_of_the_decks_step(self, engine) -> None:
+        """What the case's checks, and its number of steps, know nothing of."""
+        case, step = self.case, engine.time_step
+        if not math.isclose(step, case.time_step_s, rel_tol=1e-9):
+            longest = case.stable_time_step_s(case.material.local_damping, case.material.friction > 0.0)
+            self._tell(f"{prepared.load_deck(case).name} sets a time step of {step:.3g} s, {step / case.time_step_s:.3g} times the case's: its {case.loading_steps} steps last "
+                       f"{case.loading_steps * step:.3g} s, and limits are checked for the case's; the contacts of its grains bear {longest:.3g} s")
 
     def _tell_of_the_split(self) -> None:
         flow = self.case.flow
