@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
+from coupling.fluid.intervals import EvenIntervals
 from coupling.measures.fault import Measures
 from coupling.measures.sample import SampleMeasures
 from coupling.measures.watch import Watch
@@ -38,6 +39,7 @@ class Loading:
                  snapshots, phases: Phases, state: dict):  # fmt: skip
         self._case, self._engine, self._comm = case, engine, comm
         self._flow, self._measures, self._output, self._snapshots, self._phases = flow, measures, output, snapshots, phases
+        self._intervals = flow.intervals or EvenIntervals(case.flow.interval_steps)
         self.walls = walls
         self._reference, self._stage = state["reference"], state["stage"]
         self._broken = list(state["broken"])
@@ -49,6 +51,7 @@ class Loading:
     def run(self, progress: Progress) -> Ending:
         """Make the remaining steps. A signal, or the parting of the blocks, ends the run after the current interval."""
         case, engine = self._case, self._engine
+        intervals = self._intervals
         every_history, every_checkpoint = case.output.history_interval_steps, case.output.checkpoint_every_steps
         if engine.step == 0:
             self._exchange()
@@ -60,7 +63,7 @@ class Loading:
         with StopRequest() as stop:
             while engine.step < self._steps:
                 # Steps at which something is only written must not change what is computed.
-                if engine.step % case.flow.interval_steps == 0:
+                if intervals.begins(engine.step):
                     self._exchange()
                 steps = self._next_event(engine.step) - engine.step
                 self._flow.advance(steps)
@@ -81,10 +84,8 @@ class Loading:
 
     def _next_event(self, step: int) -> int:
         """The next step at which something has to be done."""
-        intervals = [self._case.flow.interval_steps, self._case.output.history_interval_steps]
-        if self._case.output.checkpoint_every_steps:
-            intervals.append(self._case.output.checkpoint_every_steps)
-        return min(self._steps, *((step // n + 1) * n for n in intervals), *(s for s in self._snapshots.steps if s > step))
+        due = [every for every in (self._case.output.history_interval_steps, self._case.output.checkpoint_every_steps) if every]
+        return min(self._steps, self._intervals.end_after(step), *((step // n + 1) * n for n in due), *(s for s in self._snapshots.steps if s > step))
 
     @property
     def broken(self) -> dict[str, int]:

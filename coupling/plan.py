@@ -41,11 +41,16 @@ def _run_plan(run: RunCase) -> list[str]:
     pressure = f"{run.pressure.mode} pressure"
     if run.flow.kind == "solve":
         pressure = f"two-way flow ({run.flow.split})" if run.flow.two_way else "one-way flow"
-    flow = f"{pressure}, {run.flow.forces} forces, every {run.flow.interval_steps} steps" if run.needs_mesh else "dry"
+    flow = f"{pressure}, {run.flow.forces} forces, {_intervals(run)}" if run.needs_mesh else "dry"
     return [
         f"  {run.name}: scene {run.scene}, about {run.estimated_grains} grains, {bonds}, {flow}",
         f"    k_n {run.normal_stiffness_N_per_m:.4g} N/m ({run.material.stiffness_reading}), step {run.time_step_s:.3g} s, {run.loading_steps} steps",
     ]
+
+
+def _intervals(run: RunCase) -> str:
+    tolerance = run.flow.interval_tolerance
+    return f"every {run.flow.interval_steps} steps" + (f" or sooner, interval error {tolerance:g}" if tolerance > 0.0 else "")
 
 
 def _loading_seconds(run: RunCase) -> float:

@@ -53,6 +53,7 @@ def write_report(
         "quasi_static_checks": loading.worst,
         "balances": {name: {"worst": loading.worst[name], "final": flow.final.get(name, 0.0)} for name in BALANCES if name in loading.worst},
         **{name: loading.worst[name] for name in flow.residuals},
+        **({"interval_error": interval} if (interval := flow.interval_figures()) else {}),
         "solver": flow.solver,
         "remeshes": meshes,
         "bonds": stage.manifest.get("bonds", 0),
@@ -112,6 +113,7 @@ def page(case: RunCase, report: dict) -> str:
         lines.append(f"| {name} | {value:.3g} | {shown} | {stated.highest if stated else ''} | {stated.what if stated else ''} |")
     lines += ["", "| count | |", "|---|---|"]
     lines += [f"| mesh {kind} | {count} |" for kind, count in report["remeshes"].items()]
+    lines += [f"| interval error: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report.get("interval_error", {}).items()]
     lines += [f"| solver: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report["solver"].items()]
     lines += [f"| bonds formed | {report['bonds']} |"]
     lines += [f"| bonds broken in {mode} | {count} |" for mode, count in report["bonds_broken"].items()]

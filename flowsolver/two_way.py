@@ -69,6 +69,7 @@ class TwoWayCoupling:
         network.remember_previous()
         self.network, self.flow, self.boundary, self.split, self.tolerance, self.law = network, flow, boundary, split, tolerance, law
         self._response = new_response(network)
+        self._lag = np.zeros(network.pores)
         self.begin(pressure, drainage)
 
     def begin(self, pressure: ArrayLike, drainage: ArrayLike | None = None) -> None:
@@ -101,6 +102,12 @@ class TwoWayCoupling:
     def drainage(self) -> NDArray[np.float64]:
         """(m,) float64, Pa/s, local: at which flow alone changed the pressures when the last interval ended; for `begin`."""
         return self._drainage
+
+    @property
+    def lag(self) -> NDArray[np.float64]:
+        """(m,) float64, Pa, local: by how much the pressures that the last interval ended with differ from what the solve made of them: the
+        error of its steps, which falls with the interval's square ("predicted") or with the interval."""
+        return self._lag
 
     @property
     def work(self) -> tuple[float, float, float]:
@@ -149,7 +156,9 @@ class TwoWayCoupling:
         self.network.agree([] if elapsed > 0 else ["exchange() needs at least one move() before it"])
         swept = self._response.swept()
         order = 2 if self.split == "predicted" else 1
+        felt = self._response.pressure()
         result = self.flow.implicit(self.boundary, self._at_start, elapsed, swept / elapsed, self.tolerance, order)
+        self._lag = result.pressure - felt
         drained = result.rate + self._stiffness * swept / elapsed
         self._drainage = np.where(self._stiffness > 0.0, drained, 0.0) if self.split == "predicted" else np.zeros(len(drained))
         self._response.end()

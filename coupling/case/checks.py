@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from coupling.case.run_case import RunCase
-from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS
+from coupling.case.schema import EXPRESSION_NAMES, FACES, PACK, SECTIONS, Flow, Output
 
 #: A key (dotted), and what is wrong with its value and what to do.
 Problem = tuple[str, str]
@@ -264,6 +264,9 @@ def _intervals(run: RunCase) -> Iterator[Problem]:
         yield "output.snapshots", f"loading takes {steps} steps, so there cannot be more snapshots; lower it"
     if not run.needs_mesh:
         return
+    if run.flow.interval_tolerance > 0.0:
+        yield from _following_intervals(run.flow, output)
+        return
     if flow > steps:
         yield "flow.interval_steps", f"loading takes {steps} steps, so the forces would never change; lower it"
     for key, interval in (
@@ -273,6 +276,17 @@ def _intervals(run: RunCase) -> Iterator[Problem]:
         if interval % flow:
             nearest = max(1, round(interval / flow)) * flow
             yield key, f"must be a multiple of flow.interval_steps, {flow}, so that it falls on an update of the pore forces; {nearest} is the nearest"
+
+
+def _following_intervals(flow: Flow, output: Output) -> Iterator[Problem]:
+    key = "flow.interval_tolerance"
+    if flow.kind != "solve" or not flow.two_way:
+        yield key, 'intervals follow the error of a two-way flow alone; leave it out, or set flow.kind = "solve" and flow.two_way = true'
+    elif flow.split == "staggered":
+        yield key, 'flow.split = "staggered" bears intervals only up to a limit that does not follow from their error; leave it out, or set flow.split = "predicted" or "undrained"'
+    elif (steps := output.checkpoint_every_steps) % (every := output.history_interval_steps):
+        yield "output.checkpoint_every_steps", (
+            f"must be a multiple of output.history_interval_steps, {every}, where intervals end that follow flow.interval_tolerance; {max(1, round(steps / every)) * every} is the nearest")
 
 
 def _deck_variables(run: RunCase) -> Iterator[Problem]:

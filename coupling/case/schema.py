@@ -250,6 +250,11 @@ class Flow:
     # Steps between two updates of the forces; with "solve", between two solves of the flow. The error of an interval, and the split to
     # choose for it: docs/error-against-run-time.md, coupling interval and remeshing.
     interval_steps: int = allowed(50, at_least=1, at_most=1_000_000_000)
+    # Two-way, with a split other than "staggered": makes intervals follow the solution. Each is as long as keeps the difference between the
+    # pressures that the grains feel at its end and those that the solve then gives near this part of what pressures change by in the run, at
+    # most interval_steps; intervals end where a line of the history is due. 0: all intervals are of interval_steps. What it does to a settlement:
+    # docs/error-against-run-time.md, coupling interval.
+    interval_tolerance: float = allowed(0.0, at_least=0.0, at_most=1.0)
     # Residual of a solve over its right side; mass and work balance whatever it is. What it makes of a settlement:
     # docs/error-against-run-time.md, coupling interval.
     solver_tolerance: float = allowed(1e-6, at_least=1e-14, at_most=1e-2)

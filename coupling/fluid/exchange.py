@@ -11,6 +11,7 @@ from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
+from coupling.fluid.intervals import Intervals
 from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.measures.pressure import around_grains, beside_gouge
 from coupling.results.phases import Phases
@@ -26,6 +27,8 @@ class Dry:
     """No fluid: nothing is imported, allocated or computed. What a flow has to offer to the loop of a run."""
 
     _network = None
+    #: Intervals that the flow chooses itself; none where all are of flow.interval_steps.
+    intervals: Intervals | None = None
     momentum_residual = 0.0
     #: Work of the pore forces on this rank's grains, J, up to now, or, two-way, the most that the fluid could give them up to the last solve.
     work_on_grains = 0.0
@@ -66,6 +69,10 @@ class Dry:
         """Updates of the mesh since loading began by what came of them; collective."""
         now = self._network.report() if self._network else {}
         return {name: before + int(now.get(name, 0)) for name, before in self._meshes_before.items()}
+
+    def interval_figures(self) -> dict[str, float]:
+        """Error of an interval, and lengths of intervals that followed it, for the report."""
+        return {}
 
     def counts(self) -> dict[str, dict[str, float]]:
         """Counts that a checkpoint has to hold, taken after `state`; collective."""

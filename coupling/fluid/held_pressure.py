@@ -10,7 +10,7 @@ from flowsolver.boundary import Boundary
 from flowsolver.network import PoreNetwork
 
 from coupling.case.run_case import RunCase
-from coupling.case.schema import FACES
+from coupling.case.schema import FACES, PACK
 from coupling.collective import raised_together
 from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.measures.pressure import beside_gouge
@@ -22,6 +22,8 @@ class HeldPressure(Protocol):
 
     #: Face to pressure, Pa, where these alone are given and stay as they are.
     at_faces: dict[str, float]
+    #: Pa: by how much the case's inputs may change the pressures; the measure of what an interval errs by.
+    largest_change: float
 
     def boundary(self) -> Boundary:
         """What is given now."""
@@ -39,6 +41,10 @@ class OfSample:
     def __init__(self, case: RunCase):
         self.at_faces = {face: float(pressure) for face, pressure in case.fluid.faces.items()}
         self._initial = case.fluid.initial_pressure_Pa
+        given = [abs(pressure - self._initial) for pressure in self.at_faces.values()]
+        # At most all of a wall's stress comes on the fluid.
+        borne = [abs(stress - case.sample.initial_stress_Pa) for kind, stress in map(case.sample.motion, PACK) if kind == "stress"]
+        self.largest_change = max(given + borne, default=0.0)
 
     def boundary(self) -> Boundary:
         return Boundary(pressure=self.at_faces)
@@ -64,6 +70,7 @@ class OfFault:
         self._comm, self._fault, self._field, self._now = comm, fault, field, now
         self._diameter = 2.0 * case.mean_radius_m
         self._in_blocks = case.fluid.held == "blocks"
+        self.largest_change = max(case.pressure.left_target_Pa, case.pressure.right_target_Pa)
         # A y face is closed; a periodic direction has none.
         self._faces = FACES[:2] if case.periodic_z else FACES[:2] + FACES[4:]
 

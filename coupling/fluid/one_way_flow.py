@@ -20,6 +20,13 @@ class OneWayFlow(StandingForces, TwoWayFlow):
         with self._forces_change():
             super().update(progress, strain, time)
 
+    def _begin_error(self) -> None:
+        # The grains felt the pressures that stood: there is no prediction to look at.
+        pass
+
+    def interval_figures(self) -> dict[str, float]:
+        return {}
+
     def _make_steps(self, steps: int) -> None:
         Dry.advance(self, steps)
 

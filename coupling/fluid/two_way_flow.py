@@ -25,6 +25,7 @@ from coupling.engine.interface import Engine
 from coupling.errors import ComputationError
 from coupling.fluid.exchange import Dry
 from coupling.fluid.held_pressure import HeldPressure
+from coupling.fluid.interval_error import IntervalError
 from coupling.fluid.servo_checks import check_servos
 from coupling.fluid.two_way_checks import check_undrained
 from coupling.measures.pressure import around_grains
@@ -51,7 +52,13 @@ class TwoWayFlow(Dry):
         super().__init__(engine, phases)
         self._case, self._comm, self._walls, self._fluid, self._saved = case, comm, walls, case.fluid, saved
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
+        self.intervals = self._following = None
+        if case.flow.interval_tolerance > 0.0:
+            from coupling.fluid.following_intervals import FollowingIntervals
+
+            self.intervals = self._following = FollowingIntervals(case)
         self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
+        self._error = IntervalError(comm, held.largest_change)
         self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z), case.flow.remesh_displacement * case.mean_radius_m)
         self._always = case.flow.remesh == "always"
         self._network.remember_previous()
@@ -76,6 +83,9 @@ class TwoWayFlow(Dry):
             self._take_up()
             with self._phases.timed("forces"):
                 self._begin()
+                self._begin_error()
+            if self._following:
+                self._following.begin(self._engine.step)
             with self._phases.timed("exchange"):
                 self._set_forces()
             self._walls_before, self._begun_at = self._walls.states(self._engine), self._engine.step
@@ -86,7 +96,8 @@ class TwoWayFlow(Dry):
     def advance(self, steps: int) -> None:
         """Make steps of the engine, and let the fluid flow where an interval ends."""
         self._make_steps(steps)
-        if self._engine.step % self._interval == 0 or self._engine.step >= self._last_step:
+        step = self._engine.step
+        if self._following.ends(step) if self._following else step % self._interval == 0 or step >= self._last_step:
             with self._failures_told(), self._phases.timed("flow"):
                 self._exchange()
 
@@ -149,7 +160,15 @@ class TwoWayFlow(Dry):
         result = self._coupling.exchange()
         self._count_work(done - on_walls, on_walls, result)
         self._drainage = self._coupling.drainage
+        owned = self._network.owned
+        self._error.take(result.pressure[owned], self._coupling.lag[owned], self._network.pore_volume[owned])
+        if self._following:
+            self._following.learn(self._error.last)
         return result
+
+    def _begin_error(self) -> None:
+        owned = self._network.owned
+        self._error.begin(self._pressure[owned], self._network.pore_volume[owned])
 
     def _count_work(self, on_grains: float, on_walls: float, result: FlowResult) -> None:
         """Add an interval's work. Between constant pressures at faces that is not what was done on the grains, but the most that the fluid had to
@@ -224,9 +243,16 @@ class TwoWayFlow(Dry):
             return {}
         return dict(zip(("grains_of_pore", "pressure", "drainage"), (np.concatenate(column) for column in zip(*parts))))
 
+    def counts(self) -> dict[str, dict[str, float]]:
+        following = {"intervals": self._following.state()} if self._following else {}
+        return super().counts() | {"interval_error": self._error.state()} | following
+
     def resume(self, counts: dict[str, dict[str, float]]) -> None:
         """Go on counting from a checkpoint, whose mesh the coming update makes once more; a run that was not interrupted keeps it."""
         super().resume(counts)
+        self._error.resume(counts["interval_error"])
+        if self._following:
+            self._following.resume(counts["intervals"])
         if not self._always:
             self._meshes_before["rebuilt"] -= 1
             self._meshes_before["kept"] += 1
@@ -251,6 +277,9 @@ class TwoWayFlow(Dry):
     def residuals(self) -> dict[str, float]:
         """Balances of momentum; of work and mass over the worst interval; of mass in the worst change of mesh."""
         return dict(self._worst)
+
+    def interval_figures(self) -> dict[str, float]:
+        return self._error.figures | (self._following.lengths if self._following else {})
 
     def figures(self, progress: float, strain: float, time: float) -> dict[str, float]:
         """Mean pressure over the pores' volumes, and the extremes, Pa; and what belongs to the scene."""

@@ -84,6 +84,9 @@ def test_only_the_phases_of_its_kind_are_entered(probe, kind):
     assert ("poreforce/two_way" in (directory / "log.liggghts").read_text()) == (kind == "two-way")
     assert ("solver" in report and bool(report["solver"])) == (kind in ("one-way", "two-way"))
     assert ("coupling.fluid.two_way_flow" in modules) == (kind in ("one-way", "two-way"))
+    # Two-way, the error of the intervals; nothing else of what makes them follow it.
+    assert set(report.get("interval_error", {})) == ({"worst", "final", "pressure_change_Pa"} if kind == "two-way" else set())
+    assert "coupling.fluid.following_intervals" not in modules
 
 
 def test_only_a_solved_flow_holds_its_memory(probe):

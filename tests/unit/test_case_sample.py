@@ -61,12 +61,22 @@ def test_other_motions_are_refused(text: str) -> None:
         ('flow.split="drained"', '"undrained", "predicted", "staggered"'),
         ("sample.loading_time_s=1e-9", "too few to follow the grains; lengthen it"),
         ("output.history_interval_steps=70", "multiple of flow.interval_steps"),
+        ('flow={ interval_tolerance = 0.01, split = "staggered" }', 'bears intervals only up to a limit that does not follow from their error; leave it out, or set flow.split = "predicted"'),
+        ("flow={ interval_tolerance = 0.01, two_way = false }", "intervals follow the error of a two-way flow alone; leave it out"),
+        ("flow.interval_tolerance=1.5", "at most 1"),
     ],
 )
 def test_bad_inputs(tmp_path: Path, override: str, told: str) -> None:
     with pytest.raises(InputError) as refused:
         loaded(tmp_path, override)
     assert told in str(refused.value)
+
+
+def test_intervals_that_follow_their_error(tmp_path: Path) -> None:
+    following = ("flow.interval_tolerance=0.01", 'flow.split="predicted"', "flow.interval_steps=70", "output.history_interval_steps=90")
+    loaded(tmp_path, *following)
+    with pytest.raises(InputError, match="must be a multiple of output.history_interval_steps, 90, where intervals end .* 180 is the nearest"):
+        loaded(tmp_path, *following, "output.checkpoint_every_steps=200")
 
 
 def test_a_ramp_that_does_not_end(tmp_path: Path) -> None:
