@@ -7,11 +7,12 @@ import io
 import json
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from coupling.errors import InputError
+from coupling.errors import InputError, of_file
 from coupling.results import checkpoint
 
 BOND_COLUMNS = ("step", "strain", "id_i", "id_j", "mode", "x_m", "y_m", "z_m", "force_normal_N", "force_shear_N", "energy_J")
@@ -21,7 +22,7 @@ BREAK_MODES = {1: "tension", 2: "shear"}
 def write_atomically(path: Path, text: str) -> None:
     """Replace a file in one step, so that it is never seen half written, not after a kill either."""
     partial = path.with_name(path.name + ".partial")
-    with open(partial, "w") as file:
+    with of_file(path), open(partial, "w") as file:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
@@ -57,8 +58,7 @@ class RunOutput:
             file = open(path, "a" if resume is not None else "w", newline="")
             self._tables[name] = file
             if resume is None:
-                csv.writer(file, lineterminator="\n").writerow(columns)
-                file.flush()
+                self._append(name, [columns])
 
     def _remove_former_run(self) -> None:
         """Remove what an earlier run into the same directory wrote and this one may not write over."""
@@ -101,10 +101,11 @@ class RunOutput:
         for file in self._tables.values():
             file.close()
 
-    def _append(self, name: str, rows: list[list]) -> None:
+    def _append(self, name: str, rows: Sequence[Sequence]) -> None:
         file = self._tables[name]
-        csv.writer(file, lineterminator="\n").writerows(rows)
-        file.flush()
+        with of_file(self.directory / name):
+            csv.writer(file, lineterminator="\n").writerows(rows)
+            file.flush()
 
 
 def _number(value: float) -> str | int:

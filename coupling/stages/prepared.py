@@ -18,7 +18,7 @@ from coupling import __version__
 from coupling.case.run_case import RunCase
 from coupling.collective import on_first_ranks, raised_together
 from coupling.engine.interface import Engine
-from coupling.errors import InputError
+from coupling.errors import InputError, of_file
 from coupling.scene.walls import SCENE_WALLS, wall_positions
 from coupling.signals import StopRequest
 from coupling.stages.balance import settle
@@ -117,7 +117,8 @@ def _made(name: str, deck: Path, make, case: RunCase, before: Stage | None, comm
         with raised_together(comm):
             if comm.rank == 0:
                 manifest |= {"key": key, "stage": name, "restart_sha256": _digest(work / RESTART)}
-                (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+                with of_file(work / MANIFEST):
+                    (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
                 if _read(directory) is None:
                     shutil.rmtree(directory, ignore_errors=True)
                     os.replace(work, directory)
@@ -199,7 +200,8 @@ def _make_pack(case: RunCase, engine: Engine, comm, deck: Path, work: Path, befo
     count = 0
     with raised_together(comm):
         if comm.rank == 0:
-            count = write_grains(case.pack, work / "grains.data", case.periodic_z)
+            with of_file(work / "grains.data"):
+                count = write_grains(case.pack, work / "grains.data", case.periodic_z)
     count = comm.bcast(count)
     tell(f"packing {count} grains (once for all runs with this pack)")
     made = Packing(case, engine, comm, deck).make(work / "grains.data", count)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import pytest
 from tiny_fault import TINY
 
 from coupling.case.files import load_case
+from coupling.errors import of_file
 from coupling.results.checkpoint import all_in, case_digest, remove_partial
 from coupling.results.output import write_atomically
 from coupling.results.phases import Phases
@@ -77,3 +79,10 @@ def test_progress_of_other_ranks_is_silent(capsys):
     progress.show(1.0, "strain")
     progress.finish("the end")
     assert capsys.readouterr().out == ""
+
+
+def test_a_full_disk_names_the_file():
+    """What the system says of a write names none."""
+    with pytest.raises(OSError, match=r"No space left on device: '/dev/full'"), of_file(Path("/dev/full")), open("/dev/full", "w") as file:
+        file.write("a line")
+        file.flush()
