@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from coupling.case.run_case import CaseFile, RunCase
 
-#: For the estimate only, measured on one core of a 2023 server (AMD EPYC): grain-steps per second with bonds and damping, bytes per
-#: grain of the engine and of the pore network, and the network's time per grain and update.
+#: For the estimate only, in round numbers for one core: grain-steps per second with bonds and damping, bytes per grain of the engine and of
+#: the pore network, and the network's time per grain and update. What a run came to is in its report.json.
 GRAIN_STEPS_PER_S = 4.0e6
 ENGINE_BYTES_PER_GRAIN = 6.0e3
 NETWORK_BYTES_PER_GRAIN = 4.0e3

@@ -15,10 +15,9 @@ eigenvalue may be larger than 1. The waves' stiffnesses are M Q^2 and Q^2 / (por
 K + 4 G / 3 of an even packing with Z contacts a grain (Walton 1987): K = Z (1 - phi) k_n / (6 pi d), G = Z (1 - phi) (k_n + 3/2 k_s) / (10 pi d). D = k /
 (viscosity porosity beta), with k of (6) in dense packs, 1.0e-9 m^2 at porosity 0.35 and d = 2 mm. Local damping is a damping ratio alpha / pi.
 
-Measured on 1177 grains (cases/consolidation, 1200 steps of a quarter of 0.63 sqrt(m / k_n)): a fluid 2.5 times as stiff as the skeleton, restitution 0.5,
-goes from stable to unstable between 10 and 12 steps (11 here), with restitution 0.9 between 8 and 10 (7 here); one of a quarter of the skeleton's stiffness,
-where the longest waves decide and grow slowly, between 60 and 90 (37 here). On 138 grains between fixed walls, ten times the stiffness of water, 10 Pa s: between 12
-and 16 (12 here); in fluids of water's stiffness to ten times that and 1 Pa s, with drainage, at four times what stands here there was nothing yet to see.
+Held against runs: of 138 grains between fixed walls by `poreslip stability --only 'coupling/staggered/*'` (docs/stability.md), and of a box of consolidation by
+`poreslip test --all -k staggered_limit`, where the limit lies within a factor of two of the estimate. It is near the estimate where the fluid is stiffer
+than the skeleton and short waves decide, and further up where long waves do, which grow slowly.
 A servo that holds a stress has a limit of its own: coupling/fluid/servo_checks.py.
 """
 

@@ -6,7 +6,7 @@ Lambda t^2 + Lambda' gamma sqrt(m / k_n) t < 4. In random packs one of three mot
 (Lambda = 6 + 12 r), all grains turning in one sense, which shears every contact (26 r), or grains against their neighbours under strong
 damping (6.5 + 0.7 r for both terms). The numbers bound the spectra of packs of porosity 0.36 to 0.46, 4.5 to 6.2 contacts a grain, sizes 1.2
 to 10 apart, k_s / k_n from 0 to 1 and restitution from 0.01 to 1: they come 3 to 10 % below their limits where the sizes are nearly the same, and
-further where they are not, for then the smallest grains touch few others.
+further where they are not, for then the smallest grains touch few others: `poreslip stability --only 'grains/limit/*'` measures such packs.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ wall has come the share s = 1 - (1 - gain)^n of its way on contacts alone, and o
     x' = x + s ((S - P) / k_s - x),   P' = l (P + k (x' - x))
 
 for the wall's place x and the fluid's force P at solves, which is stable up to l k / k_s = (2 - s) (1 + l) / (2 s); the same for l = 1, n = 1. The wall moves
-alone here, its nearest pores answer, and no grain yields. Measured on 138 grains, k / k_s = 2.6, gain 0.3: stable with 2 steps between solves and
-unstable with 3 in a fluid of 10 Pa s (2 here), stable to 236 in one of 1 Pa s (any number here).
+alone here, its nearest pores answer, and no grain yields. `poreslip stability --only
+coupling/staggered/servo` finds the limit of 138 grains.
 """
 
 from __future__ import annotations
