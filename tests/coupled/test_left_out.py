@@ -141,3 +141,11 @@ def test_a_plan_writes_nothing(tiny_case, poreslip, tmp_path, ranks):
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("nothing was run") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["tiny.toml"]
+
+
+def test_a_period_has_no_walls(run_fault, upright_case):
+    """Along z the upright fault has neither the pack's walls nor the plates that load the other one."""
+    for run, has in ((run_fault(case=upright_case, out="upright"), False), (run_fault(out="plain"), True)):
+        assert ("wall/plane normal 0 0 " in (run / "log.liggghts").read_text().replace("  ", " ")) == has
+        report = json.loads((run / "report.json").read_text())
+        assert any(name.startswith("z_") for name in report["pack"]["stress_Pa"]) == has
