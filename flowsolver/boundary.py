@@ -83,8 +83,8 @@ class Conditions:
             if face in boundary.pressure:
                 faults.append(f"face {face!r} has both a pressure and an inflow")
         for point in [*boundary.points, *boundary.sources]:
-            if len(point) != 4 or not np.isfinite(point).all():
-                faults.append(f"the point {tuple(point)} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
+            if np.shape(point) != (4,) or np.asarray(point).dtype.kind not in "iuf" or not np.isfinite(point).all():
+                faults.append(f"the point {point} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
         network.agree(faults)
 
         owner = np.full(m, -1, np.int16)

@@ -147,8 +147,13 @@ class PoreFlow:
         if not np.isfinite(force).all():
             faults.append(f"body_force is {force}: expected finite numbers in Pa/m")
         self.network.agree(faults)
-        self.body_force = force
+        self.body_force, self._mesh = force, self.network.meshes
         self._native.refresh([float(f) for f in force])
+
+    def _check(self, faults: Sequence[str] = ()) -> None:
+        """Raise InputError on all ranks for a fault on any, or where this flow is that of pores which there are no more."""
+        other = ["the network was meshed anew since the flow was last refreshed: call refresh() after each update"] if self._mesh != self.network.meshes else []
+        self.network.agree([*other, *faults])
 
     @property
     def conductance(self) -> NDArray[np.float64]:
@@ -178,7 +183,7 @@ class PoreFlow:
     ) -> FlowResult:
         """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean
         over the pores is kept."""
-        self.network.agree(_tolerance_faults(tolerance))
+        self._check(_tolerance_faults(tolerance))
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         after, report = self._solve(conditions, conditions.given, 0.0, tolerance)
         balance = self._balance(conditions, after, None)
@@ -211,7 +216,7 @@ class PoreFlow:
         faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
         if order not in (1, 2):
             faults.append(f"order is {order!r}: expected 1 or 2")
-        self.network.agree(faults + _tolerance_faults(tolerance))
+        self._check(faults + _tolerance_faults(tolerance))
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         given, before = conditions.given, conditions.before
         if order == 1:
@@ -231,7 +236,7 @@ class PoreFlow:
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
     ) -> FlowResult:
         """Explicit steps (9) over `dt` (s), as many as the stability limit asks for. The outflow is that at the end."""
-        self.network.agree([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
+        self._check([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         if self.storage.size and not (self.storage > 0).all():
             self.network.agree(["explicit flow needs a fluid with compressibility above 0"])
@@ -250,7 +255,7 @@ class PoreFlow:
         """(3,) float64, m/s: flow at these pressures, (m,) Pa, averaged over the box. Collective."""
         faults: list[str] = []
         pressures = checked_array("pressure", pressure, np.float64, (self.network.pores,), faults)
-        self.network.agree(faults)
+        self._check(faults)
         left, right, step = self._owned_throats()
         moved = (self.conductance * (pressures[left] - pressures[right] + step @ self.body_force)) @ step
         self.network.comm.Allreduce(MPI.IN_PLACE, moved)

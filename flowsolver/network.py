@@ -31,12 +31,18 @@ ForceLaw = Literal["total", "pressure"]
 
 def checked_array(name: str, value: Any, dtype: type, shape: tuple[int | None, ...], faults: list[str]) -> NDArray[Any]:
     """`value` as a C-contiguous array; a wrong type or shape is added to `faults`."""
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of unlike length
+        faults.append(f"{name} is no array ({error})")
+        return np.zeros(tuple(s or 0 for s in shape), dtype)
     shown = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape))
     if not fits or not np.can_cast(array.dtype, dtype, casting="safe"):
         faults.append(f"{name} has shape {array.shape} and dtype {array.dtype}: expected {shown} {np.dtype(dtype)}")
         return np.zeros(tuple(s or 0 for s in shape), dtype)
+    if np.ma.is_masked(value):
+        faults.append(f"{name} has masked entries: expected numbers in all of them")
     return np.ascontiguousarray(array, dtype)
 
 
@@ -79,6 +85,8 @@ class PoreNetwork:
             comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], float(trusted_displacement)
         )
         self.comm = comm
+        self.meshes = 0
+        """How many meshes there were, made anew or repaired: with another one pores are other ones."""
         self.periodic = tuple(bool(p) for p in periodic)
         self.lengths = box[1] - box[0]
         self._faces = np.stack(box, axis=1).reshape(1, 6)
@@ -133,6 +141,7 @@ class PoreNetwork:
             faults.append("wall_position has no rows: expected one for each group of grains")
         self.agree(faults)
         outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
+        self.meshes += outcome != "kept"
         # A copy, for the caller's may be an engine's own memory.
         self._radius, self._planes = radii.copy(), planes.copy()
         return outcome
@@ -274,6 +283,7 @@ class PoreNetwork:
 
     def roof_area(self, face: str) -> NDArray[np.float64]:
         """(m,) float64, m^2: area of each pore's cell on the wall "xmin" ... "zmax". Collective."""
+        self.agree([] if face in FACES else [f"face {face!r} is not known: expected one of {', '.join(FACES)}"])
         speed = np.zeros((self._native.groups, 6))
         speed[:, FACES.index(face)] = 1.0
         return self._native.volume_rate(np.zeros((self._native.grains, 3)), speed)

@@ -79,6 +79,8 @@ def failing(place):
         (Boundary(pressure={"xmin": 0.0}, inflow={"xmax": of_wrong_shape}), "the inflow of face 'xmax' has shape"),
         (Boundary(inside=of_wrong_shape), "the pressure inside has shape"),
         (Boundary(points=[(0.5, 0.5, 1.0)]), "not of four finite numbers"),
+        (Boundary(points=(0.5, 0.5, 0.5, 1.0)), "the point 0.5 is not of four finite numbers"),
+        (Boundary(points=[("a", 0.5, 0.5, 1.0)]), "not of four finite numbers"),
         (Boundary(pressure={"xmin": 0.0}, sources=[(0.5, 0.5, 0.5, 1.0, 2.0)]), "not of four finite numbers"),
     ],
 )
@@ -99,3 +101,27 @@ def test_where_an_inflow_is_masked_nothing_flows_in():
     result = flow.steady(Boundary(pressure={"xmax": 0.0}, inflow={"xmin": upper_half}))
     whole = flow.steady(Boundary(pressure={"xmax": 0.0}, inflow={"xmin": lambda place: np.where(place[:, 2] < 0.5, 0.0, 2.0)}))
     assert result.outflow == pytest.approx(whole.outflow, rel=1e-9)
+
+
+def test_a_flow_of_pores_that_are_no_more_is_refused():
+    """Its throats would be looked up among those of another mesh."""
+    x, r = random_pack(60, (0.08, 0.12), 5)
+    flow = make_flow(x, r, [1.0] * 3, (False,) * 3, compressibility=1e-9)
+    network, driven = flow.network, Boundary(pressure={"xmin": 1.0, "xmax": 0.0})
+    network.update(np.arange(20), x[:20], r[:20])
+    at_rest = np.zeros(network.pores)
+    for solve in (lambda: flow.steady(driven), lambda: flow.implicit(driven, at_rest, 1.0), lambda: flow.explicit(driven, at_rest, 1e-12), lambda: flow.darcy_velocity(at_rest)):
+        with pytest.raises(InputError, match=r"call refresh\(\) after each update"):
+            solve()
+    flow.refresh()
+    assert flow.steady(driven).mass_residual < 1e-9
+    # Grains that leave the mesh as it is leave the flow's throats where they are.
+    assert network.update(np.arange(20), x[:20] + 1e-12, r[:20]) == "kept"
+    flow.steady(driven)
+
+
+@pytest.mark.parametrize("bad", [[[0.1, 0.2, 0.3], [0.4]], np.ma.masked_greater(np.linspace(0.1, 0.9, 6).reshape(2, 3), 0.5)])
+def test_positions_that_are_no_whole_array_are_refused(bad):
+    network = PoreNetwork(MPI.COMM_SELF, [0.0] * 3, [1.0] * 3)
+    with pytest.raises(InputError, match="position (is no array|has masked entries)"):
+        network.update([0, 1], bad, [0.1, 0.1])
