@@ -1,21 +1,13 @@
 #include "geometry/cell_response.hpp"
 
-#include <cstring>
-
 namespace poreslip::geometry {
 namespace {
-
-// Three values and the one after them, from any address.
-inline void load(const double* from, Four& value) { std::memcpy(&value, from, sizeof value); }
 
 struct Cell {
   const std::array<std::int32_t, 4>& grain;
   Four a, b, c;
-  Cell(const CellGradients& cells, std::size_t cell) : grain(cells.grain[cell]) {
-    load(&cells.gradient[9 * cell], a);
-    load(&cells.gradient[9 * cell + 3], b);
-    load(&cells.gradient[9 * cell + 6], c);
-  }
+  Cell(const CellGradients& cells, std::size_t cell)
+      : grain(cells.grain[cell]), a(load(&cells.gradient[9 * cell])), b(load(&cells.gradient[9 * cell + 3])), c(load(&cells.gradient[9 * cell + 6])) {}
 
   double gained(const Four* displacement) const {
     const Four base = displacement[grain[3]];

@@ -1,7 +1,6 @@
 #include "geometry/response_matrix.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 namespace poreslip::geometry {
 namespace {
@@ -11,8 +10,6 @@ struct Member {
   Four gradient;
 };
 
-inline void load(const double* from, Four& value) { std::memcpy(&value, from, sizeof value); }
-
 // Calls visit(cell, members) for all cells: the bodies that its volume depends on, and dV/dx.
 template <class Visit>
 void for_each_cell(const CellGradients& cells, const std::vector<Roof>& roofs, std::int32_t wall, Visit visit) {
@@ -20,7 +17,7 @@ void for_each_cell(const CellGradients& cells, const std::vector<Roof>& roofs, s
   auto roof = roofs.begin();
   for (std::size_t c = 0; c < cells.grain.size(); ++c) {
     std::array<Four, 4> gradient;
-    for (int k = 0; k < 3; ++k) load(&cells.gradient[9 * c + 3 * k], gradient[k]);
+    for (int k = 0; k < 3; ++k) gradient[k] = load(&cells.gradient[9 * c + 3 * k]);
     gradient[3] = -(gradient[0] + gradient[1] + gradient[2]);
     members.clear();
     for (int k = 0; k < 4; ++k)
@@ -75,6 +72,7 @@ void ResponseMatrix::connect(const CellGradients& cells, const std::vector<Roof>
   }
   // A body takes a multiple of four of its edges, so that packs are full, and leaves up to three to bodies that come later.
   pack_.clear();
+  pack_.reserve((high.size() + bodies) / 4);
   std::vector<std::int32_t> place(high.size()), left_to(bodies, -1), next_left(high.size()), taken;
   for (std::size_t i = 0; i < bodies; ++i) {
     taken.clear();
@@ -102,7 +100,7 @@ void ResponseMatrix::connect(const CellGradients& cells, const std::vector<Roof>
     pack.other[number % 4] = first_is_body ? pairs[p].second : pairs[p].first;
     place_[p] = first_is_body ? number : ~number;
   }
-  own_.resize(9 * bodies);
+  own_.resize(9 * bodies + 1);
 }
 
 void ResponseMatrix::assemble(const CellGradients& cells, const std::vector<Roof>& roofs, const double* stiffness) {

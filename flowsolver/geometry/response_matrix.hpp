@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "geometry/cell_response.hpp"
+#include "geometry/huge_pages.hpp"
 
 namespace poreslip::geometry {
 
@@ -30,8 +31,8 @@ class ResponseMatrix {
 
   // -K_ii u_i, N, of one body. A displacement u, m, has 0 in its last component; that of a force means nothing.
   Four own(std::size_t body, const Four& displacement) const {
-    const auto column = [from = &own_[9 * body]](int q) { return Four{from[3 * q], from[3 * q + 1], from[3 * q + 2], 0.0}; };
-    return column(0) * displacement[0] + column(1) * displacement[1] + column(2) * displacement[2];
+    const double* const from = &own_[9 * body];
+    return load(from) * displacement[0] + load(from + 3) * displacement[1] + load(from + 6) * displacement[2];
   }
 
   // Adds -K_ij u_j of all pairs of different bodies to force (bodies), N. displacement (bodies).
@@ -45,8 +46,8 @@ class ResponseMatrix {
     std::int32_t body;
   };
 
-  std::vector<Pack> pack_;
-  std::vector<double> own_;          // (bodies, 9): -K_ii by columns
+  std::vector<Pack, HugePages<Pack>> pack_;
+  std::vector<double> own_;          // (bodies, 9), and one more: -K_ii by columns
   std::vector<std::int32_t> place_;  // of the pairs of members k < l of all cells: 4 * pack + lane, or ~ that where l is the pack's body
   std::int32_t wall_ = 0;
 };

@@ -90,6 +90,7 @@ class PoreResponse {
   bool alone_ = false;
   geometry::ResponseMatrix matrix_;
   std::int64_t connected_ = -1;                  // number of the mesh whose cells and roofs the matrix connects
+  std::vector<geometry::Four> way_;              // of the last step, m
   std::vector<geometry::Four> moment_;           // displacements times the middles of their steps, m s
   std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
   mutable bool swept_known_ = true;
