@@ -128,7 +128,8 @@ class Conditions:
         owned, places = network.owned, _Places(network)
         holders = np.flatnonzero(owned & (owner >= 0))
         given = -np.bincount(owner[holders], supply[holders], len(names) - len(boundary.inflow))
-        sums = np.array([*given, *(-_through(network, face, value, places, [])[owned].sum() for face, value in boundary.inflow.items())])
+        # On a rank without such pores bincount counts in whole numbers.
+        sums = np.array([*given, *(-_through(network, face, value, places, [])[owned].sum() for face, value in boundary.inflow.items())], np.float64)
         network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
         outflow["points"] -= float(sum(source[3] for source in boundary.sources))
