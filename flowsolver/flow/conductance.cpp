@@ -13,9 +13,6 @@ namespace {
 // Rounding of a perimeter, of the root of the facet's area.
 constexpr double least_perimeter = 1e-12;
 
-// Throats whose sections are made at a time, which stay in the cache.
-constexpr std::size_t block = 4096;
-
 }  // namespace
 
 Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
@@ -26,25 +23,20 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
   t.owned = std::make_unique_for_overwrite<bool[]>(n);
   network.owned_throats(t.owned.get());
   t.conductance.resize(n);
-  std::vector<double> centre(3 * mesh.cells() + 1);
-  network.unwrapped_centre(centre.data());
-  ThroatSections s(std::min(n, block));
-  for (std::size_t first = 0; first < n; first += block) {
-    const std::size_t count = std::min(n - first, block);
-    network.throat_sections(first, count, centre.data(), s);
-    for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t f = first + k;
+  network.for_each_throat_block([&](const geometry::ThroatBlock& block) {
+    for (std::size_t k = 0; k < block.count; ++k) {
+      const std::size_t f = block.first + k;
       if (!t.owned[f]) continue;
-      const double least = limiter.least_open_share * s.facet_area[k];
-      bool limited = s.open_area[k] < least;
-      const double area = std::max({s.open_area[k], least, 0.0});
+      const double least = limiter.least_open_share * block.facet_area[k];
+      bool limited = block.open_area[k] < least;
+      const double area = std::max({block.open_area[k], least, 0.0});
       double c = 0.0;
       if (law == ConductanceLaw::duct) {
         // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
         // shape has less than a circle.
-        const double perimeter = std::max(s.perimeter[k], std::sqrt(4.0 * std::numbers::pi * std::max(area, 0.0)));
-        if (area > 0.0 && s.perimeter[k] > least_perimeter * std::sqrt(s.facet_area[k]))
-          c = geometry::duct_conductance(area, perimeter, fluid.viscosity) / s.length[k];
+        const double perimeter = std::max(block.perimeter[k], std::sqrt(4.0 * std::numbers::pi * std::max(area, 0.0)));
+        if (area > 0.0 && block.perimeter[k] > least_perimeter * std::sqrt(block.facet_area[k]))
+          c = geometry::duct_conductance(area, perimeter, fluid.viscosity) / block.length[k];
       } else {
         const ThroatBody body = throat_body(mesh, network.view(), f);
         if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
@@ -54,8 +46,10 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
       t.limited += limited;
       t.conductance[f] = c;
     }
-  }
+  });
   if (body_force[0] == 0.0 && body_force[1] == 0.0 && body_force[2] == 0.0) return t;
+  std::vector<double> centre(3 * mesh.cells());
+  network.unwrapped_centre(centre.data());
   t.head.resize(n);
   for (std::size_t f = 0; f < n; ++f) {
     const double *p = &centre[3 * mesh.facet.left[f]], *q = &centre[3 * mesh.facet.right[f]];

@@ -1,23 +1,10 @@
 #include "geometry/cells.hpp"
 
-#include <numbers>
-
-#include "geometry/angle.hpp"
 #include "geometry/corners.hpp"
+#include "geometry/walls.hpp"
 
 namespace poreslip::geometry {
 namespace {
-
-Vector3 wall_normal(Vertex v) {
-  Vector3 n{0.0, 0.0, 0.0};
-  n[wall_axis(wall_of(v))] = wall_sign(wall_of(v));
-  return n;
-}
-
-// Direction from grain a to vertex b: to a grain, the difference of centres; to a wall, its outward normal.
-Vector3 direction(const GrainView& grains, Vertex a, Vertex b) {
-  return is_wall(b) ? wall_normal(b) : grains.position(b) - grains.position(a);
-}
 
 // Integral over s in [0, 1] of the product of two gaps that vary linearly along the edge of a wedge.
 double mean_product(double a1, double a2, double b1, double b2) {
@@ -46,44 +33,6 @@ double prism_projection(const CellView& cells, const GrainView& grains, std::siz
              wall_normal(cells.vertex[3][c]));
 }
 
-// Solid angle at the apex of three directions (Van Oosterom & Strackee 1983), by its half's tangent.
-inline double solid_angle(double determinant, double la, double lb, double lc, double ab, double bc, double ca) {
-  return 2.0 * angle(determinant, la * lb * lc + ab * lc + bc * la + ca * lb);
-}
-
-inline double sphere_sector(double radius, double angle) { return angle * radius * radius * radius / 3.0; }
-
-// What the grains take of a cell that has walls, term by term, m^3.
-double solid_in_wall_cell(const CellView& cells, const GrainView& grains, std::size_t c, int grain_count) {
-  Vertex v[4];
-  for (int k = 0; k < 4; ++k) v[k] = cells.vertex[k][c];
-  double solid = 0.0;
-  for (int k = 0; k < grain_count; ++k) {
-    Vector3 d[3];
-    int m = 0;
-    for (int o = 0; o < 4; ++o)
-      if (o != k) d[m++] = direction(grains, v[k], v[o]);
-    const double determinant = std::abs(dot(d[0], cross(d[1], d[2])));
-    solid += sphere_sector(grains.radius[v[k]], solid_angle(determinant, norm(d[0]), norm(d[1]), norm(d[2]),
-                                                            dot(d[0], d[1]), dot(d[1], d[2]), dot(d[2], d[0])));
-    for (int o = k + 1; o < 4; ++o) {
-      const double lens = is_wall(v[o])
-                              ? 0.5 * cap_over_pi(grains.radius[v[k]], grains.gap(v[k], wall_of(v[o])))
-                              : lens_over_two_pi(grains.radius[v[k]], grains.radius[v[o]],
-                                                 norm(direction(grains, v[k], v[o])));
-      if (lens == 0.0) continue;
-      const Vector3 edge = direction(grains, v[k], v[o]);
-      int p = 0;
-      while (p == k || p == o) ++p;
-      int q = p + 1;
-      while (q == k || q == o) ++q;
-      const Vector3 s = cross(edge, direction(grains, v[k], v[p])), t = cross(edge, direction(grains, v[k], v[q]));
-      solid -= lens * angle(norm(cross(s, t)), dot(s, t));
-    }
-  }
-  return solid;
-}
-
 // Calls visit(cell, grain, wall, dV/dgap) for every gap of every cell; gradients in m^2.
 template <class Visit>
 void for_each_gap_gradient(const CellView& cells, const GrainView& grains, Visit visit) {
@@ -110,9 +59,10 @@ void for_each_gap_gradient(const CellView& cells, const GrainView& grains, Visit
   }
 }
 
-// Volumes of the cells that have walls.
-void wall_cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
-  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
+}  // namespace
+
+void wall_cell_volumes(const CellView& cells, const GrainView& grains, int walls, double* volume) {
+  for (std::size_t c = cells.end[0]; walls < 2 && c < cells.end[1]; ++c) {
     const int wall = wall_of(cells.vertex[3][c]);
     double gaps = 0.0;
     for (int k = 0; k < 3; ++k) gaps += grains.gap(cells.vertex[k][c], wall);
@@ -128,21 +78,11 @@ void wall_cell_volumes(const CellView& cells, const GrainView& grains, double* v
   }
 }
 
-// Calls visit(corners, first, count) for blocks of the tetrahedra.
-template <class Visit>
-void for_each_tetrahedron_block(const CellView& cells, const GrainView& grains, Visit visit) {
-  Corners<4> corners;
+void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
+  Corners<4> at;
   for (std::size_t first = 0; first < cells.end[0]; first += block_size) {
     const std::size_t count = std::min(block_size, cells.end[0] - first);
-    corners.fetch(cells.vertex, grains.packed, first, count);
-    visit(corners, first, count);
-  }
-}
-
-}  // namespace
-
-void cell_volumes(const CellView& cells, const GrainView& grains, double* volume) {
-  for_each_tetrahedron_block(cells, grains, [&](const Corners<4>& at, std::size_t first, std::size_t count) {
+    at.fetch(cells.vertex, grains.packed, first, count);
 #pragma omp simd
     for (std::size_t c = 0; c < count; ++c) {
       const double ax = at.x[1][c] - at.x[0][c], ay = at.y[1][c] - at.y[0][c], az = at.z[1][c] - at.z[0][c];
@@ -150,51 +90,43 @@ void cell_volumes(const CellView& cells, const GrainView& grains, double* volume
       const double cx = at.x[3][c] - at.x[0][c], cy = at.y[3][c] - at.y[0][c], cz = at.z[3][c] - at.z[0][c];
       volume[first + c] = (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0;
     }
-  });
-  wall_cell_volumes(cells, grains, volume);
+  }
+  wall_cell_volumes(cells, grains, 1, volume);
 }
 
-void pore_volumes(const CellView& cells, const GrainView& grains, double* cell, double* pore) {
-  for_each_tetrahedron_block(cells, grains, [&](const Corners<4>& at, std::size_t first, std::size_t count) {
-#pragma omp simd
-    for (std::size_t c = 0; c < count; ++c) {
-      // Edges a = ij, b = ik, c = il, d = jk, e = jl, f = kl, all pointing to the later vertex.
-      const double ax = at.x[1][c] - at.x[0][c], ay = at.y[1][c] - at.y[0][c], az = at.z[1][c] - at.z[0][c];
-      const double bx = at.x[2][c] - at.x[0][c], by = at.y[2][c] - at.y[0][c], bz = at.z[2][c] - at.z[0][c];
-      const double cx = at.x[3][c] - at.x[0][c], cy = at.y[3][c] - at.y[0][c], cz = at.z[3][c] - at.z[0][c];
-      const double dx = bx - ax, dy = by - ay, dz = bz - az, ex = cx - ax, ey = cy - ay, ez = cz - az;
-      const double fx = cx - bx, fy = cy - by, fz = cz - bz;
-      const double det = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
-      const double aa = ax * ax + ay * ay + az * az, bb = bx * bx + by * by + bz * bz, cc = cx * cx + cy * cy + cz * cz;
-      const double dd = dx * dx + dy * dy + dz * dz, ee = ex * ex + ey * ey + ez * ez, ff = fx * fx + fy * fy + fz * fz;
-      const double ab = ax * bx + ay * by + az * bz, ac = ax * cx + ay * cy + az * cz, bc = bx * cx + by * cy + bz * cz;
-      const double ad = ax * dx + ay * dy + az * dz, ae = ax * ex + ay * ey + az * ez, de = dx * ex + dy * ey + dz * ez;
-      const double bf = bx * fx + by * fy + bz * fz, df = dx * fx + dy * fy + dz * fz, bd = bx * dx + by * dy + bz * dz;
-      const double la = std::sqrt(aa), lb = std::sqrt(bb), lc = std::sqrt(cc);
-      const double ld = std::sqrt(dd), le = std::sqrt(ee), lf = std::sqrt(ff);
-      // Dihedral angle at an edge e between directions p and q: tangent |e| det / ((e.e)(p.q) - (e.p)(e.q)). In a cell that is
-      // inside out all parts are negative.
-      const double va = angle(la * det, aa * bc - ab * ac), vb = angle(lb * det, bb * ac - ab * bc);
-      const double vc = angle(lc * det, cc * ab - ac * bc), vd = angle(ld * det, ad * de - dd * ae);
-      const double ve = angle(le * det, ae * de - ee * ad), vf = angle(lf * det, ff * bd - bf * df);
-      // The solid angle at a vertex is the sum of its edges' dihedral angles less pi (Girard).
-      const double pi = std::copysign(std::numbers::pi, det);
-      const double ri = at.r[0][c], rj = at.r[1][c], rk = at.r[2][c], rl = at.r[3][c];
-      const double sectors = sphere_sector(ri, va + vb + vc - pi) + sphere_sector(rj, va + vd + ve - pi) +
-                             sphere_sector(rk, vb + vd + vf - pi) + sphere_sector(rl, vc + ve + vf - pi);
-      const double per_abc = 1.0 / (la * lb * lc), per_def = 1.0 / (ld * le * lf);
-      const double lenses =
-          lens_moment(ri, rj, la, lb * lc * per_abc) * va + lens_moment(ri, rk, lb, la * lc * per_abc) * vb +
-          lens_moment(ri, rl, lc, la * lb * per_abc) * vc + lens_moment(rj, rk, ld, le * lf * per_def) * vd +
-          lens_moment(rj, rl, le, ld * lf * per_def) * ve + lens_moment(rk, rl, lf, ld * le * per_def) * vf;
-      cell[first + c] = det / 6.0;
-      pore[first + c] = det / 6.0 - (sectors - lenses);
+Vector3 cell_centroid(const CellView& cells, const GrainView& grains, std::size_t c) {
+  Vertex v[4];
+  for (int k = 0; k < 4; ++k) v[k] = cells.vertex[k][c];
+  if (c < cells.end[0])
+    return 0.25 * ((grains.position(v[0]) + grains.position(v[1])) + (grains.position(v[2]) + grains.position(v[3])));
+  if (c < cells.end[1]) {
+    // Columns of linearly varying height over the triangle.
+    double g[3], sum = 0.0, squares = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      g[k] = grains.gap(v[k], wall_of(v[3]));
+      sum += g[k];
+      squares += g[k] * g[k];
     }
-  });
-  wall_cell_volumes(cells, grains, cell);
-  for (int walls = 1; walls < 4; ++walls)
-    for (std::size_t c = cells.end[walls - 1]; c < cells.end[walls]; ++c)
-      pore[c] = cell[c] - std::copysign(1.0, cell[c]) * solid_in_wall_cell(cells, grains, c, 4 - walls);
+    Vector3 p = ((squares + sum * sum) / (8.0 * sum)) * wall_normal(v[3]);
+    for (int k = 0; k < 3; ++k) p = p + ((g[k] + sum) / (4.0 * sum)) * grains.position(v[k]);
+    return p;
+  }
+  if (c < cells.end[2]) {
+    const Wedge w = wedge(cells, grains, c);
+    const double area = mean_product(w.a1, w.a2, w.b1, w.b2);
+    const double s = ((w.a1 * w.a2 + w.a1 * w.b2 + w.a2 * w.b1) / 12.0 + w.b1 * w.b2 / 4.0) / area;
+    // Integral of g1^2 g2 over the edge.
+    const auto moment = [](double a1, double b1, double a2, double b2) {
+      return (a1 * a1 * a2 + b1 * b1 * b2) / 4.0 +
+             (2.0 * a1 * b1 * a2 + a1 * a1 * b2 + b1 * b1 * a2 + 2.0 * a1 * b1 * b2) / 12.0;
+    };
+    return (1.0 - s) * grains.position(v[0]) + s * grains.position(v[1]) +
+           (0.5 * moment(w.a1, w.b1, w.a2, w.b2) / area) * wall_normal(v[2]) +
+           (0.5 * moment(w.a2, w.b2, w.a1, w.b1) / area) * wall_normal(v[3]);
+  }
+  Vector3 p = grains.position(v[0]);
+  for (int k = 1; k < 4; ++k) p = p + (0.5 * grains.gap(v[0], wall_of(v[k]))) * wall_normal(v[k]);
+  return p;
 }
 
 void cell_centroids(const CellView& cells, const GrainView& grains, double* centre) {
@@ -210,41 +142,9 @@ void cell_centroids(const CellView& cells, const GrainView& grains, double* cent
     const Four last = mean(c - 1);
     for (int d = 0; d < 3; ++d) centre[3 * (c - 1) + d] = last[d];
   }
-  const auto store = [centre](std::size_t c, const Vector3& p) {
+  for (std::size_t c = cells.end[0]; c < cells.size(); ++c) {
+    const Vector3 p = cell_centroid(cells, grains, c);
     for (int d = 0; d < 3; ++d) centre[3 * c + d] = p[d];
-  };
-  for (std::size_t c = cells.end[0]; c < cells.end[1]; ++c) {
-    // Columns of linearly varying height over the triangle.
-    const Vertex w = cells.vertex[3][c];
-    double g[3], sum = 0.0, squares = 0.0;
-    for (int k = 0; k < 3; ++k) {
-      g[k] = grains.gap(cells.vertex[k][c], wall_of(w));
-      sum += g[k];
-      squares += g[k] * g[k];
-    }
-    Vector3 p = ((squares + sum * sum) / (8.0 * sum)) * wall_normal(w);
-    for (int k = 0; k < 3; ++k) p = p + ((g[k] + sum) / (4.0 * sum)) * grains.position(cells.vertex[k][c]);
-    store(c, p);
-  }
-  for (std::size_t c = cells.end[1]; c < cells.end[2]; ++c) {
-    const Wedge w = wedge(cells, grains, c);
-    const double area = mean_product(w.a1, w.a2, w.b1, w.b2);
-    const double s = ((w.a1 * w.a2 + w.a1 * w.b2 + w.a2 * w.b1) / 12.0 + w.b1 * w.b2 / 4.0) / area;
-    // Integral of g1^2 g2 over the edge.
-    const auto moment = [](double a1, double b1, double a2, double b2) {
-      return (a1 * a1 * a2 + b1 * b1 * b2) / 4.0 +
-             (2.0 * a1 * b1 * a2 + a1 * a1 * b2 + b1 * b1 * a2 + 2.0 * a1 * b1 * b2) / 12.0;
-    };
-    store(c, (1.0 - s) * grains.position(cells.vertex[0][c]) + s * grains.position(cells.vertex[1][c]) +
-                 (0.5 * moment(w.a1, w.b1, w.a2, w.b2) / area) * wall_normal(cells.vertex[2][c]) +
-                 (0.5 * moment(w.a2, w.b2, w.a1, w.b1) / area) * wall_normal(cells.vertex[3][c]));
-  }
-  for (std::size_t c = cells.end[2]; c < cells.end[3]; ++c) {
-    const Vertex i = cells.vertex[0][c];
-    Vector3 p = grains.position(i);
-    for (int k = 1; k < 4; ++k)
-      p = p + (0.5 * grains.gap(i, wall_of(cells.vertex[k][c]))) * wall_normal(cells.vertex[k][c]);
-    store(c, p);
   }
 }
 

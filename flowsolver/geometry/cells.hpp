@@ -12,12 +12,16 @@ namespace poreslip::geometry {
 // Volume of each cell, m^3: tetrahedron, prism, wedge (two walls) or corner (three). Out: volume (m).
 void cell_volumes(const CellView& cells, const GrainView& grains, double* volume);
 
+// The same of cells with at least so many walls, 1 or 2. Out: volume (m), at their places.
+void wall_cell_volumes(const CellView& cells, const GrainView& grains, int walls, double* volume);
+
 // Volume of the void of each cell, m^3, (4)-(5): cell less spherical sectors, plus dihedral angle / 2 pi of each lens that
 // two grains, or a grain and a wall, have in common. Out: cell (m), the cells' own volumes, and pore (m).
 void pore_volumes(const CellView& cells, const GrainView& grains, double* cell, double* pore);
 
 // Centroid of each cell, m. Out: centre (m, 3).
 void cell_centroids(const CellView& cells, const GrainView& grains, double* centre);
+Vector3 cell_centroid(const CellView& cells, const GrainView& grains, std::size_t cell);
 
 // Force of the pressures on the walls, N, outward positive: for each cell p * dV/dgap, to the group of the grain whose gap
 // it is. counted (m): cells that enter the sum. Adds to force (groups, 6).

@@ -29,6 +29,12 @@ struct Corners {
     }
   }
 
+  // Asks memory for the grains of elements [first, last), which are fetched next.
+  static void ask(const std::array<const Vertex*, K>& vertex, const PackedGrain* grains, std::size_t first, std::size_t last) {
+    for (int k = 0; k < K; ++k)
+      for (std::size_t e = first; e < last; ++e) __builtin_prefetch(grains + vertex[k][e]);
+  }
+
  private:
   using Quad [[gnu::vector_size(32)]] = double;
 

@@ -3,7 +3,8 @@
 #include <numbers>
 
 #include "geometry/angle.hpp"
-#include "geometry/corners.hpp"
+#include "geometry/facet_blocks.hpp"
+#include "geometry/walls.hpp"
 
 namespace poreslip::geometry {
 namespace {
@@ -51,32 +52,6 @@ inline Shares triangle_pressure(double area2, double lab, double lac, double ab_
           0.5 * rc * rc * angle(area2, lac * lac - ab_ac)};
 }
 
-// A triangle as the kernels see it: twice its vector area, that one's length, and the edges' lengths.
-struct Triangle {
-  double nx, ny, nz, area2, lab, lac, lbc, ab_ac;
-};
-
-inline Triangle triangle(const Corners<3>& at, std::size_t i) {
-  const double abx = at.x[1][i] - at.x[0][i], aby = at.y[1][i] - at.y[0][i], abz = at.z[1][i] - at.z[0][i];
-  const double acx = at.x[2][i] - at.x[0][i], acy = at.y[2][i] - at.y[0][i], acz = at.z[2][i] - at.z[0][i];
-  const double bcx = at.x[2][i] - at.x[1][i], bcy = at.y[2][i] - at.y[1][i], bcz = at.z[2][i] - at.z[1][i];
-  const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
-  return {nx, ny, nz, std::sqrt(nx * nx + ny * ny + nz * nz), std::sqrt(abx * abx + aby * aby + abz * abz),
-          std::sqrt(acx * acx + acy * acy + acz * acz), std::sqrt(bcx * bcx + bcy * bcy + bcz * bcz),
-          abx * acx + aby * acy + abz * acz};
-}
-
-// Calls visit(corners, first, count) for blocks of the triangles.
-template <class Visit>
-void for_each_triangle_block(const FacetView& facets, const GrainView& grains, Visit visit) {
-  Corners<3> corners;
-  for (std::size_t first = 0; first < facets.end[0]; first += block_size) {
-    const std::size_t count = std::min(block_size, facets.end[0] - first);
-    corners.fetch(facets.vertex, grains.packed, first, count);
-    visit(corners, first, count);
-  }
-}
-
 using Four [[gnu::vector_size(32)]] = double;
 using UnalignedFour [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
 
@@ -104,6 +79,8 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
   for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
     const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
     differences(pressure, facets.left + first, facets.right + first, count, difference);
+    // Those on the left come one after the other; of those on the right the next block's are asked for now.
+    for (std::size_t f = first + count, last = std::min(f + block_size, facets.end[0]); f < last; ++f) __builtin_prefetch(pressure + facets.right[f]);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
       const Triangle t = triangle(at, f);
@@ -133,29 +110,6 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
   });
 }
 
-Vector3 wall_normal(int wall) {
-  Vector3 n{0.0, 0.0, 0.0};
-  n[wall_axis(wall)] = wall_sign(wall);
-  return n;
-}
-
-// A strip: an edge between two grains and its projection on a wall. Unit normal, lengths and gaps.
-struct Strip {
-  Vector3 normal;
-  double width;       // length of the edge as the wall sees it, m
-  double edge;        // its own length, m
-  double rise;        // its component towards the wall, m
-  double gap_i, gap_j;
-};
-
-Strip strip(const FacetView& facets, const GrainView& grains, std::size_t f) {
-  const Vertex i = facets.vertex[0][f], j = facets.vertex[1][f];
-  const int wall = wall_of(facets.vertex[2][f]);
-  const Vector3 e = grains.position(j) - grains.position(i), n = wall_normal(wall), c = cross(e, n);
-  const double width = norm(c);
-  return {(1.0 / width) * c, width, norm(e), dot(e, n), grains.gap(i, wall), grains.gap(j, wall)};
-}
-
 template <ForceLaw law>
 inline Shares strip_shares(const Strip& s, double ri, double rj) {
   const double ti = half_tangent(s.width, s.edge, s.rise), tj = half_tangent(s.width, s.edge, -s.rise);
@@ -169,36 +123,23 @@ inline Shares strip_shares(const Strip& s, double ri, double rj) {
 
 template <ForceLaw law>
 void add_strip_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
-  alignas(64) double edge[3][block_size], towards[3][block_size], radius[2][block_size], gap[2][block_size];
+  StripCorners at;
   alignas(64) double share[2][block_size], normal[3][block_size], difference[block_size];
   for (std::size_t first = facets.end[0]; first < facets.end[1]; first += block_size) {
     const std::size_t count = std::min(block_size, facets.end[1] - first);
     const Vertex *vi = facets.vertex[0] + first, *vj = facets.vertex[1] + first;
-    for (std::size_t f = 0; f < count; ++f) {
-      const PackedGrain &i = grains.packed[vi[f]], &j = grains.packed[vj[f]];
-      const int wall = wall_of(facets.vertex[2][first + f]);
-      edge[0][f] = j.x - i.x;
-      edge[1][f] = j.y - i.y;
-      edge[2][f] = j.z - i.z;
-      for (int d = 0; d < 3; ++d) towards[d][f] = d == wall_axis(wall) ? wall_sign(wall) : 0.0;
-      radius[0][f] = i.radius;
-      radius[1][f] = j.radius;
-      gap[0][f] = grains.gap(vi[f], wall);
-      gap[1][f] = grains.gap(vj[f], wall);
-    }
+    at.fetch(facets, grains, first, count);
     differences(pressure, facets.left + first, facets.right + first, count, difference);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
-      const double ex = edge[0][f], ey = edge[1][f], ez = edge[2][f], nx = towards[0][f], ny = towards[1][f], nz = towards[2][f];
-      const double cx = ey * nz - ez * ny, cy = ez * nx - ex * nz, cz = ex * ny - ey * nx, width = std::sqrt(cx * cx + cy * cy + cz * cz);
-      const Strip s{{}, width, std::sqrt(ex * ex + ey * ey + ez * ez), ex * nx + ey * ny + ez * nz, gap[0][f], gap[1][f]};
-      const Shares shares = strip_shares<law>(s, radius[0][f], radius[1][f]);
-      const double scale = difference[f] / width;
+      const Strip s = strip(at, f);
+      const Shares shares = strip_shares<law>(s, at.radius[0][f], at.radius[1][f]);
+      const double scale = difference[f] / s.width;
       share[0][f] = shares.a * scale;
       share[1][f] = shares.b * scale;
-      normal[0][f] = cx;
-      normal[1][f] = cy;
-      normal[2][f] = cz;
+      normal[0][f] = s.nx;
+      normal[1][f] = s.ny;
+      normal[2][f] = s.nz;
     }
     for (std::size_t f = 0; f < count; ++f) {
       const Four n{normal[0][f], normal[1][f], normal[2][f], 0.0};
@@ -208,44 +149,11 @@ void add_strip_forces(const FacetView& facets, const GrainView& grains, const do
   }
 }
 
-// A chord at distance d from a disc's centre: half its length, half the angle of its arc, and half the area of the segment
-// beyond it. All are zero where it misses the disc; beyond the far side the segment is the disc.
-inline double half_chord(double radius, double d) { return std::sqrt(std::max((radius - d) * (radius + d), 0.0)); }
-inline double arc_half_angle(double radius, double d) { return angle(half_chord(radius, d), d); }
-inline double half_segment(double radius, double d) {
-  return 0.5 * (radius * radius * arc_half_angle(radius, d) - d * half_chord(radius, d));
-}
-// Distance from the first centre to the radical plane of two spheres.
-inline double radical_distance(double ra, double rb, double l) { return 0.5 * (l + (ra - rb) * (ra + rb) / l); }
-
-// Half of an overlap's plane lens: its area goes back to the open area, and the arcs inside it leave the perimeter.
-struct HalfLens {
-  double area, arcs;
-};
-inline HalfLens half_lens(double ra, double rb, double l) {
-  const double da = radical_distance(ra, rb, l), db = l - da;
-  return {half_segment(ra, da) + half_segment(rb, db), ra * arc_half_angle(ra, da) + rb * arc_half_angle(rb, db)};
-}
-inline double open_gap(double length) { return std::max(length, 0.0); }
-
-// The chord that two discs have in common: its distances from their centres along the line of these, and half its length,
-// zero where they do not meet (or one lies within the other).
-struct Chord {
-  double near, far, half;
-};
-inline Chord chord(double ra, double rb, double l, double per_l) {
-  const double near = 0.5 * (l + (ra - rb) * (ra + rb) * per_l);
-  return {near, l - near, half_chord(ra, near)};
-}
-
-// What is left of a disc's angle in a triangle, given as a vector (x, y), between the chords on the two edges: each takes the
-// angle of (distance, half length) off it. One angle of a product of complex numbers, not three.
-inline double open_angle(double x, double y, double distance1, double half1, double distance2, double half2) {
-  const double x1 = x * distance1 + y * half1, y1 = y * distance1 - x * half1;
-  const double open = angle(y1 * distance2 - x1 * half2, x1 * distance2 + y1 * half2);
-  // Where a chord lies beyond the centre, the three angles can come to less than -pi.
-  const double most = std::max(distance1, distance2) < 0.0 ? 0.0 : 0.5 * std::numbers::pi;
-  return open - (std::min(distance1, distance2) < 0.0 && open > most ? 2.0 * std::numbers::pi : 0.0);
+// One strip.
+Strip strip(const FacetView& facets, const GrainView& grains, std::size_t f) {
+  StripCorners at;
+  at.fetch(facets, grains, f, 1);
+  return strip(at, 0);
 }
 
 }  // namespace
@@ -264,9 +172,9 @@ FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::
     const Strip s = strip(facets, grains, f);
     const double ra = grains.radius[a], rb = grains.radius[b];
     const Shares shares = law == ForceLaw::total ? strip_shares<ForceLaw::total>(s, ra, rb) : strip_shares<ForceLaw::pressure>(s, ra, rb);
-    return {{shares.a, shares.b, 0.0}, s.normal};
+    return {{shares.a, shares.b, 0.0}, (1.0 / s.width) * Vector3{s.nx, s.ny, s.nz}};
   }
-  const Vector3 n = cross(wall_normal(wall_of(b)), wall_normal(wall_of(c)));
+  const Vector3 n = cross(wall_normal(b), wall_normal(c));
   const double sector = 0.25 * std::numbers::pi * grains.radius[a] * grains.radius[a];
   const double area = grains.gap(a, wall_of(b)) * grains.gap(a, wall_of(c));
   return {{law == ForceLaw::total ? area : sector, 0.0, 0.0}, n};
@@ -357,75 +265,6 @@ void add_triangle_gradients(const FacetView& facets, const GrainView& grains, co
       }
     }
   });
-}
-
-void throat_lengths(const FacetView& facets, const double* centre, double* length) {
-  const auto apart = [&](std::size_t f) {
-    const auto row = [centre](std::int32_t c) { return reinterpret_cast<const UnalignedFour&>(centre[3 * static_cast<std::size_t>(c)]); };
-    return Four(row(facets.right[f]) - row(facets.left[f]));
-  };
-  const auto squares = [](const Four& d) { return d * d; };
-  std::size_t f = 0;
-  for (; f + 4 <= facets.size(); f += 4) {
-    const Four a = squares(apart(f)), b = squares(apart(f + 1)), c = squares(apart(f + 2)), d = squares(apart(f + 3));
-    const Four ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), ab_y = __builtin_shufflevector(a, b, 1, 5, 3, 7);
-    const Four cd = __builtin_shufflevector(c, d, 0, 4, 2, 6), cd_y = __builtin_shufflevector(c, d, 1, 5, 3, 7);
-    const Four sum = __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7) +
-                     __builtin_shufflevector(ab_y, cd_y, 0, 1, 4, 5);
-#pragma omp simd
-    for (std::size_t i = 0; i < 4; ++i) length[f + i] = std::sqrt(sum[i]);
-  }
-  for (; f < facets.size(); ++f) {
-    const Four d = squares(apart(f));
-    length[f] = std::sqrt(d[0] + d[1] + d[2]);
-  }
-}
-
-void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
-                     double* perimeter) {
-  const double* r = grains.radius;
-  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
-#pragma omp simd
-    for (std::size_t i = 0; i < count; ++i) {
-      const Triangle t = triangle(at, i);
-      const double ra = at.r[0][i], rb = at.r[1][i], rc = at.r[2][i];
-      const double per_lengths = 1.0 / (t.lab * t.lac * t.lbc);
-      const Chord ab = chord(ra, rb, t.lab, t.lac * t.lbc * per_lengths);
-      const Chord ac = chord(ra, rc, t.lac, t.lab * t.lbc * per_lengths);
-      const Chord bc = chord(rb, rc, t.lbc, t.lab * t.lac * per_lengths);
-      const double open_a = open_angle(t.ab_ac, t.area2, ab.near, ab.half, ac.near, ac.half);
-      const double open_b = open_angle(t.lab * t.lab - t.ab_ac, t.area2, ab.far, ab.half, bc.near, bc.half);
-      const double open_c = open_angle(t.lac * t.lac - t.ab_ac, t.area2, ac.far, ac.half, bc.far, bc.half);
-      facet_area[first + i] = 0.5 * t.area2;
-      open_area[first + i] = 0.5 * (t.area2 - ra * ra * open_a - rb * rb * open_b - rc * rc * open_c - t.lab * ab.half -
-                                    t.lac * ac.half - t.lbc * bc.half);
-      perimeter[first + i] = ra * open_a + rb * open_b + rc * open_c + open_gap(t.lab - ra - rb) +
-                             open_gap(t.lac - ra - rc) + open_gap(t.lbc - rb - rc);
-    }
-  });
-  for (std::size_t f = facets.end[0]; f < facets.end[1]; ++f) {
-    const Strip s = strip(facets, grains, f);
-    const double ri = r[facets.vertex[0][f]], rj = r[facets.vertex[1][f]];
-    const double angle_i = angle(s.width, s.rise), angle_j = std::numbers::pi - angle_i;
-    const HalfLens h = half_lens(ri, rj, s.edge);
-    const double beyond_i = arc_half_angle(ri, s.gap_i), beyond_j = arc_half_angle(rj, s.gap_j);
-    facet_area[f] = 0.5 * s.width * (s.gap_i + s.gap_j);
-    open_area[f] = facet_area[f] - 0.5 * (ri * ri * angle_i + rj * rj * angle_j) + h.area + half_segment(ri, s.gap_i) +
-                   half_segment(rj, s.gap_j);
-    // On the wall's line the feet of the two grains' discs are solid.
-    const double line = s.width - half_chord(ri, s.gap_i) - half_chord(rj, s.gap_j);
-    perimeter[f] = ri * (angle_i - beyond_i) + rj * (angle_j - beyond_j) - h.arcs + open_gap(s.edge - ri - rj) +
-                   open_gap(s.gap_i - ri) + open_gap(s.gap_j - rj) + open_gap(line);
-  }
-  for (std::size_t f = facets.end[1]; f < facets.end[2]; ++f) {
-    const Vertex i = facets.vertex[0][f];
-    const double ri = r[i], g1 = grains.gap(i, wall_of(facets.vertex[1][f])), g2 = grains.gap(i, wall_of(facets.vertex[2][f]));
-    const double beyond_1 = arc_half_angle(ri, g1), beyond_2 = arc_half_angle(ri, g2);
-    facet_area[f] = g1 * g2;
-    open_area[f] = g1 * g2 - 0.25 * std::numbers::pi * ri * ri + half_segment(ri, g1) + half_segment(ri, g2);
-    perimeter[f] = ri * (0.5 * std::numbers::pi - beyond_1 - beyond_2) + open_gap(g1 - ri) + open_gap(g2 - ri) +
-                   open_gap(g2 - half_chord(ri, g1)) + open_gap(g1 - half_chord(ri, g2));
-  }
 }
 
 }  // namespace poreslip::geometry

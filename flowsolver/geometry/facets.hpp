@@ -1,5 +1,4 @@
-// Facets between cells: how the pressure difference across one is shared among its grains, and how fluid passes it.
-// Equations (2) and (6). Pure functions.
+// Facets between cells: how the pressure difference across one is shared among its grains, (2). Pure functions.
 #pragma once
 
 #include <array>
@@ -44,18 +43,5 @@ FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::
 // The part of facet f's own area (its solid left out of account) that moves with its vertex k, m^2: the mean of the vertex'
 // barycentric coordinate times the area.
 std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView& grains, std::size_t facet);
-
-// Geometry of the throats: facet area (m^2), open area A (m^2, may be negative before any limiter) and the open area's whole
-// perimeter P (m): arcs, open gaps between grains, and the line on a wall. Out: three arrays (facets).
-void throat_sections(const FacetView& facets, const GrainView& grains, double* facet_area, double* open_area,
-                     double* perimeter);
-
-// Distance between the centroids of each facet's cells, m. centre (pores, 3) and one entry more. Out: length (facets).
-void throat_lengths(const FacetView& facets, const double* centre, double* length);
-
-// Conductance of a throat, (6): C = 3 A^3 / (5 viscosity P^2), m^4 / (Pa s). The flow is q = C (p_i - p_j) / l.
-inline double duct_conductance(double open_area, double perimeter, double viscosity) {
-  return 3.0 * open_area * open_area * open_area / (5.0 * viscosity * perimeter * perimeter);
-}
 
 }  // namespace poreslip::geometry

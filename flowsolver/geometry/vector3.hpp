@@ -24,11 +24,14 @@ inline double cap_over_pi(double radius, double d) {
   return (radius - d) * (radius - d) * (2.0 * radius + d) / 3.0;
 }
 
-// Volume over 2 pi of the lens common to two spheres with centres at distance l (per_l: 1 / l): both caps cut by the radical
-// plane. By Pappus it is also the first moment, about the line of centres, of the lens' half cross-section.
+// Volume over 2 pi of the lens common to two spheres with centres at distance l (per_l: 1 / l), zero where they do not meet and the
+// smaller sphere where it lies within the other. By Pappus it is also the first moment, about the line of centres, of the lens'
+// half cross-section.
 inline double lens_moment(double radius_a, double radius_b, double l, double per_l) {
-  const double d_a = 0.5 * (l + (radius_a - radius_b) * (radius_a + radius_b) * per_l);
-  return 0.5 * (cap_over_pi(radius_a, d_a) + cap_over_pi(radius_b, l - d_a));
+  const double sum = radius_a + radius_b, difference = std::abs(radius_a - radius_b);
+  const double depth = std::max(sum - std::max(l, difference), 0.0);
+  const double flattening = std::min(difference * difference * per_l, difference);
+  return depth * depth * (std::max(l, difference) + 2.0 * sum - 3.0 * flattening) / 24.0;
 }
 inline double lens_over_two_pi(double radius_a, double radius_b, double l) {
   return lens_moment(radius_a, radius_b, l, 1.0 / l);

@@ -1,7 +1,6 @@
 // What the geometry kernels read: structures of arrays of grains, cells and facets. They own nothing.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -55,13 +54,10 @@ struct FacetView {
   std::array<const Vertex*, 3> vertex;
   const std::int32_t* left;
   const std::int32_t* right;
+  const Vertex* left_apex;   // the left cell's vertex off the facet
+  const Vertex* right_apex;
   std::array<std::size_t, 3> end;
   std::size_t size() const { return end[2]; }
-  // Some of them, counted from the first.
-  FacetView part(std::size_t first, std::size_t count) const {
-    const auto within = [=](std::size_t e) { return std::min(std::max(e, first) - first, count); };
-    return {{vertex[0] + first, vertex[1] + first, vertex[2] + first}, left + first, right + first, {within(end[0]), within(end[1]), within(end[2])}};
-  }
 };
 
 }  // namespace poreslip

@@ -311,7 +311,9 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
   }
   agree_on_input(comm_, fault);
 
-  std::vector<double> local(4 * local_.size(), 0.0);
+  // Kept between calls: new memory costs more than half of the forces themselves.
+  std::vector<double>& local = local_force_;
+  local.assign(4 * local_.size(), 0.0);
   geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, local.data());
   if (law == geometry::ForceLaw::total && groups() > 1)
     for_each_step_gradient(mesh_, view(), wall_facets_, [&](std::size_t c, Vertex g, const Vector3& gradient) {

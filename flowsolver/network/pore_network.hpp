@@ -5,11 +5,13 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
 
 #include "geometry/facets.hpp"
+#include "geometry/throats.hpp"
 #include "network/grain_directory.hpp"
 #include "network/grain_input.hpp"
 #include "network/pore_exchange.hpp"
@@ -80,8 +82,8 @@ class PoreNetwork {
   void grains_of_throat(std::int64_t* id) const;                            // local, (throats, 3)
   void owned_throats(bool* owned) const;                                    // local, (throats)
   ThroatSections throat_sections();                                         // local
-  // Local. Of `count` throats from `first` on, into sections of as many. centre (3 * pores() + 1) as `unwrapped_centre` has them.
-  void throat_sections(std::size_t first, std::size_t count, const double* centre, ThroatSections& sections);
+  // The same in passing, by blocks in the order of the throats: local.
+  void for_each_throat_block(const std::function<void(const geometry::ThroatBlock&)>& visit);
 
   // Pores and throats that FLOW's limiter would touch: open area below a share of the facet, void below a share of the cell.
   Limited limited(double least_open_share, double least_void_share);
@@ -125,6 +127,7 @@ class PoreNetwork {
   Domain domain_;
   std::array<double, 3> period_{}, quantum_{};
   std::vector<double> wall_position_;   // (groups, 6)
+  std::vector<double> local_force_;     // (local grains, 4), N, of the last call of forces
   OwnGrains own_;
   Halo halo_;
   LocalGrains local_;

@@ -72,31 +72,33 @@ void PoreNetwork::owned_throats(bool* owned) const {
   }
 }
 
-ThroatSections PoreNetwork::throat_sections() {
-  ThroatSections sections(throats());
-  std::vector<double> centre(3 * pores() + 1);
-  unwrapped_centre(centre.data());
-  throat_sections(0, throats(), centre.data(), sections);
-  return sections;
+void PoreNetwork::for_each_throat_block(const std::function<void(const geometry::ThroatBlock&)>& visit) {
+  const Timer timer(report_.geometry);
+  geometry::for_each_throat_block(mesh_.facet_view(), mesh_.cell_view(), view(), visit);
 }
 
-void PoreNetwork::throat_sections(std::size_t first, std::size_t count, const double* centre, ThroatSections& s) {
-  const Timer timer(report_.geometry);
-  const FacetView part = mesh_.facet_view().part(first, count);
-  geometry::throat_sections(part, view(), s.facet_area.data(), s.open_area.data(), s.perimeter.data());
-  geometry::throat_lengths(part, centre, s.length.data());
+ThroatSections PoreNetwork::throat_sections() {
+  ThroatSections s(throats());
+  for_each_throat_block([&](const geometry::ThroatBlock& block) {
+    std::copy_n(block.facet_area, block.count, &s.facet_area[block.first]);
+    std::copy_n(block.open_area, block.count, &s.open_area[block.first]);
+    std::copy_n(block.perimeter, block.count, &s.perimeter[block.first]);
+    std::copy_n(block.length, block.count, &s.length[block.first]);
+  });
+  return s;
 }
 
 Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
-  const ThroatSections s = throat_sections();
   std::vector<double> cell(pores()), pore(pores());
   volumes(cell.data(), pore.data());
   const auto owned_throat = std::make_unique<bool[]>(throats());
   owned_throats(owned_throat.get());
   std::array<std::int64_t, 2> count{0, 0};
   for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && pore[c] < least_void_share * cell[c];
-  for (std::size_t f = 0; f < throats(); ++f)
-    count[1] += owned_throat[f] && s.open_area[f] < least_open_share * s.facet_area[f];
+  for_each_throat_block([&](const geometry::ThroatBlock& block) {
+    for (std::size_t k = 0; k < block.count; ++k)
+      count[1] += owned_throat[block.first + k] && block.open_area[k] < least_open_share * block.facet_area[k];
+  });
   MPI_Allreduce(MPI_IN_PLACE, count.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
   return {count[0], count[1]};
 }

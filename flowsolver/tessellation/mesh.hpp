@@ -23,7 +23,8 @@ struct FacetArrays {
   std::size_t size() const { return end[2]; }          // of the mesh
   std::size_t all() const { return end[4]; }           // with the surrounding ones
   FacetView view() const {
-    return {{vertex[0].data(), vertex[1].data(), vertex[2].data()}, left.data(), right.data(), {end[0], end[1], end[2]}};
+    return {{vertex[0].data(), vertex[1].data(), vertex[2].data()}, left.data(), right.data(), left_apex.data(), right_apex.data(),
+            {end[0], end[1], end[2]}};
   }
 };
 
