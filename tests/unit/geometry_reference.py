@@ -22,6 +22,8 @@ def lens(ra: float, rb: float, length: float) -> float:
     """Volume common to two spheres."""
     if length >= ra + rb:
         return 0.0
+    if length <= abs(ra - rb):
+        return 4 / 3 * np.pi * min(ra, rb) ** 3
     da = (length**2 + ra**2 - rb**2) / (2 * length)
     return cap(ra, da) + cap(rb, length - da)
 
@@ -100,6 +102,15 @@ def random_pack(count: int, radius: tuple[float, float], seed: int) -> tuple[NDA
             if len(r) == count:
                 return x, r
     raise RuntimeError(f"no room for {count} grains")
+
+
+def beads() -> tuple[NDArray, NDArray]:
+    """Small grains with their centres inside large ones: some look out, some do not."""
+    x, r = random_pack(60, (0.08, 0.12), seed=9)
+    rng = np.random.default_rng(2)
+    way = rng.normal(size=(60, 3))
+    way *= (r * rng.uniform(0.55, 0.95, 60) / np.linalg.norm(way, axis=1))[:, None]
+    return np.vstack([x, x + way]), np.append(r, 0.4 * r)
 
 
 def gradient(function, x: NDArray, grain: int) -> NDArray:

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from geometry_reference import NORMALS, UNIT_BOX, Cell, cap, lens, random_pack
+from geometry_reference import NORMALS, UNIT_BOX, Cell, beads, cap, lens, random_pack
 from mpi4py import MPI
 
 from flowsolver import PoreNetwork
@@ -50,8 +50,9 @@ def test_pore_volumes_sum_to_the_porosity(overlapping):
     assert network(x, r).pore_volume.sum() == pytest.approx(void, abs=1e-12)
 
 
-def test_each_volume_against_the_reference(overlapping):
-    x, r = overlapping
+@pytest.mark.parametrize("inside", [False, True])
+def test_each_volume_against_the_reference(overlapping, inside):
+    x, r = beads() if inside else overlapping
     net = network(x, r)
     group = np.zeros(len(r), int)
     for vertices, cell, pore in zip(net.grains_of_pore, net.cell_volume, net.pore_volume):
