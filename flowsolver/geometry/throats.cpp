@@ -129,7 +129,7 @@ class Lengths {
       const Four d = squares(i);
       length[i] = 0.25 * std::sqrt(d[0] + d[1] + d[2]);
     }
-    if (!is_wall(any_wall)) return;
+    if (first < facets_.end[0] && !is_wall(any_wall)) return;
     for (i = 0; i < count; ++i) {
       const std::size_t left = facets_.left[first + i], right = facets_.right[first + i];
       if (std::max(left, right) >= cells_.end[0]) length[i] = norm(centroid(right) - centroid(left));
