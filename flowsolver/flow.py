@@ -24,8 +24,9 @@ _native = load("poreslip_flow")
 # PETSc must end before MPI does, which mpi4py ends after all functions that are registered here.
 atexit.register(_native.finalize)
 
-TOLERANCE = 1e-10
-"""Default relative tolerance of the linear solver: the balance of mass closes as well as this."""
+TOLERANCE = 1e-13
+"""Default relative tolerance of the linear solver: the balance of mass closes as well as this, and pressures, forces and permeability are the same to
+1e-9 on other numbers of ranks, of either law of conductance."""
 LIMIT_SHARE = 0.9
 """Explicit steps take this share of their stability limit."""
 STAGE = 1.0 - 0.5 * math.sqrt(2.0)
@@ -38,7 +39,9 @@ ROUNDING = 4e-16
 LEAST_BALANCE, SMALLEST_FLOW = 1e-3, 1e-140
 """The share of the throughput that must not be missing; and the throughput, m^3/s, below which squares of flows are no numbers any more."""
 USUAL_IMBALANCE = 10.0
-"""What an ordinary solve leaves of the balance of all pores, before the shift that closes it, is at most this times its tolerance."""
+"""A steady solve that leaves more than this times its tolerance of the balance of all pores, as a share of the throughput and before the shift that
+closes it, is made closer. Of `duct` none does: at most 0.5 was seen in packs of 100 to 8000 grains, 1.6 at 1e5. Of `hydraulic-radius`, whose short
+throats conduct far more than others, some leave 30."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
 

@@ -13,13 +13,12 @@ from mpi4py import MPI
 
 from flowsolver.command.formula import Formula
 from flowsolver.command.run import run
+from flowsolver.flow import TOLERANCE
 from flowsolver.network import FACES, ComputationError, InputError
 
 INPUT_ERROR, COMPUTATION_ERROR = 2, 3
 #: What options of the linear solver begin with on PETSc's command line, and on this one.
 PETSC_PREFIX = "-flow_"
-#: Closer than the library's: pressures and forces agree to 1e-9 on other numbers of ranks, by either law of conductance.
-TOLERANCE = 1e-12
 _NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
