@@ -43,7 +43,7 @@ WeightedPoint point_of(const LocalGrains& grains, const WallSpheres& walls, Vert
   return {Kernel::Point_3(grains.x[v], grains.y[v], grains.z[v]), grains.radius[v] * grains.radius[v]};
 }
 
-// Centre relative to the first vertex (a grain) and squared radius of a cell's orthosphere, the walls in the exact limit.
+// Centre relative to the first vertex (a grain) and squared radius of a cell's orthosphere.
 template <class Real>
 struct Orthosphere {
   Real centre[3];
@@ -51,8 +51,12 @@ struct Orthosphere {
   bool well_conditioned;
 };
 
+// Walls as planes, their exact limit, or as the spheres that the triangulation knows: what is degenerate between planes, such as three
+// grains in a plane across a wall which holds their circle's centre, has an orthosphere between those.
+enum class WallShape { plane, sphere };
+
 template <class Real>
-Orthosphere<Real> orthosphere(const LocalGrains& grains, const WallSpheres& walls, const std::array<Vertex, 4>& cell) {
+Orthosphere<Real> orthosphere(const LocalGrains& grains, const WallSpheres& walls, const std::array<Vertex, 4>& cell, WallShape shape) {
   const Vertex a = cell[0];
   const Real ra = grains.radius[a];
   const double* coordinate[3] = {grains.x.data(), grains.y.data(), grains.z.data()};
@@ -60,7 +64,17 @@ Orthosphere<Real> orthosphere(const LocalGrains& grains, const WallSpheres& wall
   for (int k = 0; k < 3; ++k) {
     const Vertex b = cell[k + 1];
     Real square = 0;
-    if (is_wall(b)) {
+    if (is_wall(b) && shape == WallShape::sphere) {
+      const Real radius = walls.radius;
+      Real distance = 0;
+      for (int d = 0; d < 3; ++d) {
+        const Real step = Real(walls.centre[wall_of(b)][d]) - Real(coordinate[d][a]);
+        row[k][d] = step / radius;
+        distance += step * step;
+      }
+      right[k] = (distance - radius * radius + ra * ra) / (2 * radius);
+      square = 1;
+    } else if (is_wall(b)) {
       const int axis = wall_axis(wall_of(b));
       for (int d = 0; d < 3; ++d) row[k][d] = 0;
       row[k][axis] = 1;
@@ -116,9 +130,10 @@ bool bounded(const std::array<double, 3>& lower, const std::array<double, 3>& up
 bool is_final(const LocalGrains& grains, const WallSpheres& walls, const std::array<Vertex, 4>& cell,
               const std::array<double, 3>& lower, const std::array<double, 3>& upper, double largest_radius) {
   const std::array<double, 3> origin{grains.x[cell[0]], grains.y[cell[0]], grains.z[cell[0]]};
-  const auto o = orthosphere<double>(grains, walls, cell);
-  return o.well_conditioned ? within(o, origin, lower, upper, largest_radius)
-                            : within(orthosphere<__float128>(grains, walls, cell), origin, lower, upper, largest_radius);
+  const auto o = orthosphere<double>(grains, walls, cell, WallShape::plane);
+  return o.well_conditioned
+             ? within(o, origin, lower, upper, largest_radius)
+             : within(orthosphere<__float128>(grains, walls, cell, WallShape::sphere), origin, lower, upper, largest_radius);
 }
 
 // The vertex at infinity, beyond the wall spheres.

@@ -27,3 +27,14 @@ def test_repaired_is_made_anew(mpirun, tmp_path, periodic, step, ranks):
     assert kept + repaired + rebuilt == moves
     # Some of the moves turn a cell inside out.
     assert repaired > (20 if step < 1e-3 else 10)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(("periodic", "moves"), [("-", 20), ("z", 20), ("xy", 30)])
+def test_ties_among_grains_walls_and_images(mpirun, periodic, moves, ranks):
+    """Copies of a cell fall alike, or the mesh is made anew; three grains across a wall that holds their circle's centre have a cell too."""
+    done = mpirun(ranks, [Path(__file__).with_name("shaken_lattice_case.py"), periodic, moves])
+    assert done.returncode == 0, done.stderr
+    kept, repaired, rebuilt = (int(count) for count in done.stdout.split())
+    assert kept + repaired + rebuilt == moves and rebuilt > 10
