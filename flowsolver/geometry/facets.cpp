@@ -73,14 +73,29 @@ inline void differences(const double* value, const std::int32_t* left, const std
   for (; f < count; ++f) difference[f] = value[left[f]] - value[right[f]];
 }
 
+// Whether there is a difference at all: given pressures are even over large parts of a pack, whose facets pass nothing on.
+inline bool any_difference(const double* difference, std::size_t count) {
+  double largest = 0.0;
+#pragma omp simd reduction(max : largest)
+  for (std::size_t f = 0; f < count; ++f) largest = std::max(largest, std::abs(difference[f]));
+  return largest > 0.0;
+}
+
 template <ForceLaw law>
 void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
   alignas(64) double share[3][block_size], normal[3][block_size], difference[block_size];
-  for_each_triangle_block(facets, grains, [&](const Corners<3>& at, std::size_t first, std::size_t count) {
+  Corners<3> at;
+  for (std::size_t first = 0, count, next; first < facets.end[0]; first = next) {
+    count = std::min(block_size, facets.end[0] - first);
+    next = first + count;
+    const std::size_t after = std::min(next + block_size, facets.end[0]);
     const Vertex *va = facets.vertex[0] + first, *vb = facets.vertex[1] + first, *vc = facets.vertex[2] + first;
     differences(pressure, facets.left + first, facets.right + first, count, difference);
     // Those on the left come one after the other; of those on the right the next block's are asked for now.
-    for (std::size_t f = first + count, last = std::min(f + block_size, facets.end[0]); f < last; ++f) __builtin_prefetch(pressure + facets.right[f]);
+    for (std::size_t f = next; f < after; ++f) __builtin_prefetch(pressure + facets.right[f]);
+    if (!any_difference(difference, count)) continue;
+    at.fetch(facets.vertex, grains.packed, first, count);
+    Corners<3>::ask(facets.vertex, grains.packed, next, after);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
       const Triangle t = triangle(at, f);
@@ -107,7 +122,7 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
       for (std::size_t i = 0; i < 4; ++i) add(f + i, n[i]);
     }
     for (; f < count; ++f) add(f, Four{normal[0][f], normal[1][f], normal[2][f], 0.0});
-  });
+  }
 }
 
 template <ForceLaw law>
@@ -128,8 +143,9 @@ void add_strip_forces(const FacetView& facets, const GrainView& grains, const do
   for (std::size_t first = facets.end[0]; first < facets.end[1]; first += block_size) {
     const std::size_t count = std::min(block_size, facets.end[1] - first);
     const Vertex *vi = facets.vertex[0] + first, *vj = facets.vertex[1] + first;
-    at.fetch(facets, grains, first, count);
     differences(pressure, facets.left + first, facets.right + first, count, difference);
+    if (!any_difference(difference, count)) continue;
+    at.fetch(facets, grains, first, count);
 #pragma omp simd
     for (std::size_t f = 0; f < count; ++f) {
       const Strip s = strip(at, f);
