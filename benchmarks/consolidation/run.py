@@ -47,7 +47,7 @@ PEER = 0.21
 FLOW_UPDATE, PEER_GRAINS, PEER_STEPS = ROOT / "benchmarks" / "flow_update", 8000, 400
 SIDE = 0.038
 VISCOSITY, TIME_FRACTION = 5.0, 0.35
-ROWS = ("predicted:10", "undrained:10", "undrained:50", "predicted:50", "predicted:100", "predicted:200")
+ROWS = ("predicted:10", "undrained:10", "undrained:50", "predicted:50", "predicted:100", "predicted:200", "predicted:600:0.16")
 
 
 def run(case: str, name: str, out: Path, settings: dict[str, object]) -> Path:
@@ -86,15 +86,16 @@ def cost(directory: Path) -> tuple[list[float], int, int]:
     return [sum(spent[name]["cpu_s"] for name in names if name in spent) for names in COLUMNS.values()], report["grains"], report["last"]["step"]
 
 
-def split_and_interval(text: str) -> tuple[str, int]:
+def split_and_interval(text: str) -> tuple[str, int, float]:
     split, _, interval = text.partition(":")
-    return split, int(interval)
+    interval, _, allowed = interval.partition(":")
+    return split, int(interval), float(allowed or 0.0)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--side", type=float, default=SIDE, help="of the box, m")
-    parser.add_argument("--rows", type=split_and_interval, nargs="+", default=[split_and_interval(row) for row in ROWS], metavar="SPLIT:INTERVAL")
+    parser.add_argument("--rows", type=split_and_interval, nargs="+", default=[split_and_interval(row) for row in ROWS], metavar="SPLIT:INTERVAL[:TOLERANCE]")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "benchmark-consolidation")
     a = parser.parse_args()
     scale = a.side / SIDE
@@ -106,24 +107,25 @@ def main() -> None:
     alone, grains, steps = cost(dry)
     yade = peer()
     print(f"{grains} grains, {steps} steps; CPU seconds; the peer makes {yade:.3f} M grain-steps/s\n")
-    print(f"{'':>15} {'to Terzaghi':>12} {'to first':>9}" + "".join(f"{name:>8}" for name in COLUMNS) + f"{'total':>8} {'over dry':>9} {'M grain-steps/s':>16} {'over peer':>10}")
+    print(f"{'':>19} {'to Terzaghi':>12} {'to first':>9}" + "".join(f"{name:>8}" for name in COLUMNS) + f"{'total':>8} {'over dry':>9} {'M grain-steps/s':>16} {'over peer':>10}")
 
     def line(name: str, errors: str, spent: list[float]) -> None:
         total = sum(spent)
         rate = grains * steps / total / 1e6
-        print(f"{name:>15} {errors:>22}" + "".join(f"{s:8.1f}" for s in spent) + f"{total:8.1f} {total / sum(alone):9.2f} {rate:16.2f} {rate / yade:10.1f}", flush=True)
+        print(f"{name:>19} {errors:>22}" + "".join(f"{s:8.1f}" for s in spent) + f"{total:8.1f} {total / sum(alone):9.2f} {rate:16.2f} {rate / yade:10.1f}", flush=True)
 
     line("dry", "", alone)
     first = None
-    for split, interval in a.rows:
+    for split, interval, tolerance in a.rows:
         lines = {"output.history_interval_steps": interval * max(1, 200 // interval)}
-        wet = run("consolidation", "two_way", a.out / f"{split}-{interval}", load | lines | {"flow.split": split, "flow.interval_steps": interval})
+        intervals = {"flow.split": split, "flow.interval_steps": interval, "flow.interval_tolerance": tolerance}
+        wet = run("consolidation", "two_way", a.out / f"{split}-{interval}-{tolerance}", load | lines | intervals)
         files = ResultFiles(wet, {"dry": dry, "darcy": darcy})
         settled = consolidation(files)
         first = first or settled
         against = (terzaghi(files, settled), np.interp(settled.abscissa, first.abscissa, first.value))
         errors = [np.sqrt(((settled.value - other) ** 2).mean()) for other in against]
-        line(f"{split} {interval}", f"{errors[0]:12.4f} {errors[1]:9.4f}", cost(wet)[0])
+        line(f"{split} {interval}" + (f" {tolerance:g}" if tolerance else ""), f"{errors[0]:12.4f} {errors[1]:9.4f}", cost(wet)[0])
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ def settlement(poreslip, stage_cache, tmp_path_factory):
 
     def run(split: str, interval: int) -> np.ndarray:
         out = tmp_path_factory.mktemp("order")
-        inputs = settings(*SMALL, f"flow.split={split}", f"flow.interval_steps={interval}")
+        inputs = settings(*SMALL, f"flow.split={split}", f"flow.interval_steps={interval}", "flow.interval_tolerance=0")
         done = poreslip("run", CASES / "consolidation" / "consolidation.toml", "--only", "two_way", "--out", out, *inputs, env={"PORESLIP_CACHE": str(stage_cache)})
         assert done.returncode == 0, done.stderr
         return Result(out / "consolidation" / "two_way").history["strain_z"]

@@ -13,7 +13,8 @@ from coupling.case.staggered_limit import layers_of
 
 STRESS_STEP = 1e6
 #: Faster than the case file's, with T_v up to 0.75 in 1600 steps.
-QUICK = ("fluid.viscosity_Pa_s=5.0", "sample.loading_time_s=1.1e-4", "loading.time_step_fraction=0.35", "flow.interval_steps=5")
+QUICK = ("fluid.viscosity_Pa_s=5.0", "sample.loading_time_s=1.1e-4", "loading.time_step_fraction=0.35", "flow.interval_steps=5", "flow.interval_tolerance=0",
+         "output.history_interval_steps=40")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +140,7 @@ def test_a_staggered_soft_fluid_gives_the_same(run):
     np.testing.assert_allclose(staggered[-5:], undrained[-5:], rtol=0.02)
 
 
-SMALL = ("pack.box_m=[0.014, 0.014, 0.014]", "sample.loading_time_s=5e-5", "sample.ramp_time_s=4e-6", "output.checkpoint_every_steps=0")
+SMALL = ("flow.interval_tolerance=0", "pack.box_m=[0.014, 0.014, 0.014]", "sample.loading_time_s=5e-5", "sample.ramp_time_s=4e-6", "output.checkpoint_every_steps=0")
 
 
 def staggered(poreslip, stage_cache, out, interval: int, *overrides: str):
