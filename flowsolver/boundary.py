@@ -94,6 +94,8 @@ class Conditions:
             touching = touching[owner[touching] < 0]
             given = _values(f"the pressure of face {face!r}", value, places.of(touching, value), faults)
             touching, given = touching[~np.ma.getmaskarray(given)], given.compressed()
+            if not np.isfinite(given).all():
+                faults.append(f"the pressure of face {face!r} is not a finite number in Pa everywhere")
             start[touching] = given
             owner[touching] = index
         pointed = np.zeros(m, bool)

@@ -322,7 +322,7 @@ FAULTS = {
     "law": (lambda n: PoreFlow(n, 1.0, conductance="pipe"), "conductance is 'pipe'"),
     "face": (lambda n: PoreFlow(n, 1.0).steady(Boundary(pressure={"top": 0.0})), "face 'top' is not known"),
     "both": (lambda n: PoreFlow(n, 1.0).steady(Boundary({"xmin": 0.0}, {"xmin": 0.0})), "both a pressure and an inflow"),
-    "nan": (lambda n: PoreFlow(n, 1.0).steady(Boundary({"xmin": np.nan})), "given pressure is not a finite number"),
+    "nan": (lambda n: PoreFlow(n, 1.0).steady(Boundary({"xmin": np.nan})), "is not a finite number in Pa"),
     "inflow": (lambda n: PoreFlow(n, 1.0).steady(Boundary({"xmax": 0.0}, {"xmin": np.inf})), "inflow of face 'xmin' is not a finite"),
     "step": (lambda n: PoreFlow(n, 1.0).implicit(DRIVEN, np.zeros(n.pores), 0.0), "dt is 0.0 s"),
     "tolerance": (lambda n: PoreFlow(n, 1.0).steady(DRIVEN, tolerance=2.0), "tolerance is 2.0"),
