@@ -42,6 +42,8 @@ LinearSolver::~LinearSolver() {
 void LinearSolver::free_system() {
   KSPDestroy(&solver_);
   destroy(matrices_);
+  // An error may have come between taking it and giving it back.
+  right_taken_ = false;
   VecDestroy(&right_);
   VecDestroy(&solution_);
 }
@@ -66,13 +68,15 @@ void LinearSolver::begin(PetscInt rows, PetscInt all_rows) {
   PetscBool hypre = PETSC_FALSE;
   check(KSPGetPC(solver_, &preconditioner));
   check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(preconditioner), PCHYPRE, &hypre));
-  entries_->diagonal_first = hypre;
+  // PETSc counts a row too many where HYPRE's matrix has none on a rank: it then makes a copy of its own for HYPRE.
+  entries_->diagonal_first = hypre && !any_rank(comm_, rows == 0);
   check(VecCreateMPI(comm_, rows, all_rows, &right_));
   check(VecDuplicate(right_, &solution_));
 }
 
 PetscScalar* LinearSolver::right() {
-  if (!right_values_) check(VecGetArrayWrite(right_, &right_values_));
+  if (!right_taken_) check(VecGetArrayWrite(right_, &right_values_));
+  right_taken_ = true;
   return right_values_;
 }
 
@@ -100,7 +104,9 @@ void LinearSolver::relate(const std::vector<PetscInt>& row_before) {
 }
 
 void LinearSolver::take(const SystemShape& shape, const std::vector<PetscInt>& row_before) {
-  if (right_values_) check(VecRestoreArrayWrite(right_, &right_values_));
+  // On ranks without rows too, whose array is null: each has to know that norms of the vector are other ones now.
+  if (right_taken_) check(VecRestoreArrayWrite(right_, &right_values_));
+  right_taken_ = false;
   if (!matrices_.system) matrices_ = make_matrices(comm_, entries_, all_rows_);
   else if (shape.new_values) announce(matrices_);
   check(MatSetOption(matrices_.system, MAT_SPD, shape.singular ? PETSC_FALSE : PETSC_TRUE));

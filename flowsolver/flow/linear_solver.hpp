@@ -71,7 +71,8 @@ class LinearSolver {
   Matrices matrices_;
   KSP solver_ = nullptr;
   Vec right_ = nullptr, solution_ = nullptr;
-  PetscScalar* right_values_ = nullptr;   // while it is written
+  PetscScalar* right_values_ = nullptr;   // while it is written, or null without rows
+  bool right_taken_ = false;
   PetscInt most_iterations_ = 0;          // the user's, or PETSc's
   PC multigrid_ = nullptr;                // the preconditioner last set up for a system of its own,
   Vec multigrid_like_ = nullptr;          // a vector of that system,

@@ -51,3 +51,16 @@ def test_default_tolerance_agrees_to_1e_9_by_either_law(mpirun, tmp_path):
                 assert other[name] <= 1.5 * one[name], (name, int(one[name][0]), int(other[name][0]))
                 continue
             np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-9 * np.abs(one[name][..., -1] if "pressure" in name else one[name]).max(), err_msg=name)
+
+
+@pytest.mark.parallel
+def test_ranks_without_grains_take_part_in_each_solve(mpirun, tmp_path):
+    results = []
+    for ranks in (1, 2, 3):
+        out = tmp_path / f"{ranks}.npy"
+        done = mpirun(ranks, [CASE.with_name("empty_rank_case.py"), out], timeout=60)
+        assert done.returncode == 0, done.stderr
+        results.append(np.load(out))
+    assert len(results[0]) == 14
+    for other in results[1:]:
+        np.testing.assert_allclose(other, results[0], rtol=1e-9)
