@@ -67,9 +67,11 @@ def test_the_same_on_any_number_of_ranks(run, cache, tmp_path):
     one = {path.name: digest(path) for path in cache.iterdir()}
     shutil.rmtree(cache)
     assert run(ranks=3).returncode == 0
-    assert {path.name: digest(path) for path in cache.iterdir()} == one
+    # The session's cache may hold stages of other tests, too.
+    three = {path.name: digest(path) for path in cache.iterdir()}
+    assert len(three) == 3 and three.items() <= one.items()
     assert run("pack.ranks=2", ranks=3).returncode == 0
-    assert len(set(kept(cache)) - set(one)) == len(one)
+    assert len(set(kept(cache)) - set(three)) == 3
     assert run("pack.ranks=2").returncode == 0
     shutil.rmtree(cache)
     message = the_message(run("pack.ranks=2"), 2)
