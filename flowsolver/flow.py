@@ -40,8 +40,8 @@ LEAST_BALANCE, SMALLEST_FLOW = 1e-3, 1e-140
 """The share of the throughput that must not be missing; and the throughput, m^3/s, below which squares of flows are no numbers any more."""
 USUAL_IMBALANCE = 10.0
 """A steady solve that leaves more than this times its tolerance of the balance of all pores, as a share of the throughput and before the shift that
-closes it, is made closer. Of `duct` none does: at most 0.5 was seen in packs of 100 to 8000 grains, 1.6 at 1e5. Of `hydraulic-radius`, whose short
-throats conduct far more than others, some leave 30."""
+closes it, is made closer. Of `duct` none did in the packs of tests/unit/test_flow_usual_imbalance.py; of `hydraulic-radius`, whose short throats
+conduct far more than others, some leave more."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
 
