@@ -10,6 +10,10 @@ from postproc.observables import Layer, NotObserved, Observed, ResultFiles, perm
 
 #: Permeability over the diameter squared of touching lattices in Stokes flow: Zick & Homsy, J. Fluid Mech. 115, 13 (1982).
 ZICK_HOMSY = {"sc": 2.520e-3, "bcc": 5.014e-4, "fcc": 1.725e-4}
+#: Drag of a sphere in a simple cubic lattice over Stokes' drag of one alone, by the part of the volume that is solid: their Table 2.
+ZICK_HOMSY_DRAG = {
+    0.000125: 1.096, 0.001: 1.212, 0.008: 1.525, 0.027: 2.008, 0.064: 2.810, 0.125: 4.292, 0.216: 7.442, 0.343: 15.4, 0.45: 28.1, 0.5236: 42.1,
+}  # fmt: skip
 
 
 def terzaghi_degree(time_factor: np.ndarray) -> np.ndarray:
@@ -32,6 +36,15 @@ def zick_homsy(files: ResultFiles, observed: Observed, diameter_m: float, lattic
     if name not in ZICK_HOMSY:
         raise NotObserved(f"Zick & Homsy's value is known for the lattices {', '.join(ZICK_HOMSY)}, not for {name or 'none'}")
     return np.array([ZICK_HOMSY[name] * diameter_m**2])
+
+
+def zick_homsy_drag(files: ResultFiles, observed: Observed, diameter_m: float, concentration: float | None = None) -> np.ndarray:
+    """Permeability of a simple cubic lattice, m^2: k = d^2 / (18 c K(c)); c, solid over volume, is an argument, or the setting's parameter `concentration`."""
+    c = files.setting.get("concentration") if concentration is None else concentration
+    drag = next((drag for known, drag in ZICK_HOMSY_DRAG.items() if c is not None and np.isclose(float(c), known, rtol=1e-6)), None)
+    if drag is None:
+        raise NotObserved(f"Zick & Homsy's drag is known for the concentrations {', '.join(map(str, ZICK_HOMSY_DRAG))}, not for {'none' if c is None else c}")
+    return np.array([diameter_m**2 / (18.0 * float(c) * drag)])
 
 
 def kozeny_carman(files: ResultFiles, observed: Observed, diameter_m: float) -> np.ndarray:
@@ -61,6 +74,7 @@ def fourier(
 ANALYTIC: dict[str, Callable[..., np.ndarray]] = {
     "terzaghi": terzaghi,
     "zick_homsy": zick_homsy,
+    "zick_homsy_drag": zick_homsy_drag,
     "kozeny_carman": kozeny_carman,
     "fourier": fourier,
 }

@@ -10,7 +10,7 @@ import pytest
 from synthetic_run import Synthetic, write_run
 
 from postproc.observables import NotObserved, ResultFiles, block_stiffness, of_history, of_report, onset, permeability, slip
-from postproc.references import kozeny_carman, terzaghi_degree, zick_homsy
+from postproc.references import kozeny_carman, terzaghi_degree, zick_homsy, zick_homsy_drag
 
 
 @pytest.fixture
@@ -69,5 +69,9 @@ def test_analytic_references(tmp_path):
     assert zick_homsy(files, None, diameter_m=2.0) == pytest.approx([4 * 5.014e-4])
     with pytest.raises(NotObserved, match="lattices sc, bcc, fcc, not for hcp"):
         zick_homsy(files, None, diameter_m=2.0, lattice="hcp")
+    # Their two figures for touching spheres are one another's.
+    assert zick_homsy_drag(files, None, diameter_m=1.0, concentration=0.5236) == pytest.approx([2.520e-3], rel=1e-3)
+    with pytest.raises(NotObserved, match="drag is known for the concentrations .*, not for none"):
+        zick_homsy_drag(files, None, diameter_m=1.0)
     with pytest.raises(NotObserved, match="companion.dry"):
         files.companion("dry")
