@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flowsolver.network import FACES, PoreNetwork, checked_array
 
-SAME_PLACE = 1e-12
-"""Of the box's longest side: what rounding leaves between places that are the same."""
+ON_A_BOUNDARY = 1e-9
+"""Of a cell's size: a point as near to a facet lies on it, in the cells on both sides."""
 PressureValue = float | Callable[[NDArray[np.float64]], ArrayLike]
 
 
@@ -27,9 +27,9 @@ class Boundary:
     inflow
         Face to Darcy velocity into the box, m/s, through the cells of the wall; or to a function of pore centres, as for `pressure`.
     points
-        (x, y, z, pressure), m and Pa: the pore whose centre is nearest to the point, across periods too, has this pressure.
+        (x, y, z, pressure), m and Pa: the pore whose cell holds the point, across periods too, has this pressure.
     sources
-        (x, y, z, rate), m and m^3/s: flow into the pore whose centre is nearest to the point.
+        (x, y, z, rate), m and m^3/s: flow into the pore whose cell holds the point.
     inside
         Function of pore centres (m, 3) in m that returns (m,) Pa: pores that have this pressure wherever they lie. Those where the array
         is masked are free. Faces and points come first.
@@ -100,7 +100,7 @@ class Conditions:
             owner[touching] = index
         pointed = np.zeros(m, bool)
         for *point, value in boundary.points:
-            holds = _nearest(network, point, places)
+            holds = _holds(network, point, places, faults)
             if (pointed[holds] & (start[holds] != value)).any():
                 faults.append(f"the point {tuple(point)} lies in a pore that another point gives another pressure: leave one of them out")
             pointed[holds] = True
@@ -119,7 +119,7 @@ class Conditions:
             if not np.isfinite(flow).all():
                 faults.append(f"the inflow of face {face!r} is not a finite number in m/s everywhere")
         for *point, flow in boundary.sources:
-            source[_nearest(network, point, places)] += flow
+            source[_holds(network, point, places, faults)] += flow
         network.agree(faults)
         return cls(network, boundary, owner >= 0, owner, before, start, source, rate)
 
@@ -178,18 +178,20 @@ def _values(name: str, value: PressureValue, place: NDArray[np.float64], faults:
     return found
 
 
-def _nearest(network: PoreNetwork, point: Sequence[float], places: _Places) -> NDArray[np.bool_]:
-    """(m,) bool: the pore whose centre is nearest to a point (3,) m, across periods too, with its copies; of several as near the one of the
-    grains with the lowest ids, whatever the ranks. Collective."""
-    step = places.centre - np.array(point)
-    for axis in np.flatnonzero(network.periodic):
-        step[:, axis] -= network.lengths[axis] * np.round(step[:, axis] / network.lengths[axis])
-    distance = np.where(network.owned, np.linalg.norm(step, axis=1), np.inf)
-    least = network.comm.allreduce(float(distance.min(initial=np.inf)), op=MPI.MIN)
-    near = np.flatnonzero(distance <= least + SAME_PLACE * network.lengths.max())
-    candidates = [(np.sort(places.vertices[k]).tolist(), step[k].tolist(), network.comm.rank, int(k)) for k in near]
-    *_, rank, index = min(candidate for part in network.comm.allgather(candidates) for candidate in part)
+def _holds(network: PoreNetwork, point: Sequence[float], places: _Places, faults: list[str]) -> NDArray[np.bool_]:
+    """(m,) bool: the pore whose cell holds a point (3,) m, across periods too, with its copies; on a boundary between several the one of the
+    grains with the lowest ids, whatever the ranks. A point that none holds is added to `faults`. Collective."""
+    depth = np.where(network.owned, network.native.depth(list(map(float, point))), -np.inf)
+    deepest = network.comm.allreduce(float(depth.max(initial=-np.inf)), op=MPI.MAX)
     holds = np.zeros(network.pores)
+    if deepest < -ON_A_BOUNDARY:
+        faults.append(f"no pore holds the point {tuple(point)}: expected one between the walls")
+        return holds > 0.0
+    near = np.flatnonzero(depth >= deepest - ON_A_BOUNDARY)
+    step = (places.centre[near] - np.array(point)) / network.lengths
+    step[:, network.periodic] -= np.round(step[:, network.periodic])
+    candidates = [(np.sort(places.vertices[k]).tolist(), step[row].tolist(), network.comm.rank, int(k)) for row, k in enumerate(near)]
+    *_, rank, index = min(candidate for part in network.comm.allgather(candidates) for candidate in part)
     if rank == network.comm.rank:
         holds[index] = 1.0
     # Its grains alone do not tell a pore from others where a period is short.

@@ -102,6 +102,15 @@ NB_MODULE(poreslip_network, m) {
           },
           "(m, 3) float64, m, local: centroid of each cell, where its neighbours on this rank are beside it, across periods too.")
       .def(
+          "depth",
+          [](const PoreNetwork& self, std::array<double, 3> point) {
+            auto out = new_array<double>({self.pores()});
+            self.depth(point, out.data());
+            return out;
+          },
+          nb::arg("point"),
+          "point (3,), m. Returns (m,) float64, local: how deep the point, or its copy across periods, lies in each cell, at least 0 in the one that holds it.")
+      .def(
           "cell_volume",
           [](PoreNetwork& self) {
             auto out = new_array<double>({self.pores()});

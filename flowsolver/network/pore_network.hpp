@@ -74,6 +74,8 @@ class PoreNetwork {
   const bool* owned() const { return mesh_.owned.get(); }                        // local, (pores)
   void pore_centre(double* centre);                                         // local, (pores, 3)
   void unwrapped_centre(double* centre);                                    // local, (pores, 3): beside the cell's own grains
+  // How deep a point, or its copy across periods, lies in each cell, as geometry::depth_in_cell has it: local, (pores).
+  void depth(const Vector3& point, double* depth) const;
   void cell_volume(double* volume);                                         // local, (pores)
   void volumes(double* cell, double* pore);                                 // local, (pores) each
   void grains_of_pore(std::int64_t* id) const;                              // local, (pores, 4)

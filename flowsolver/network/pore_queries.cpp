@@ -1,12 +1,19 @@
 // What is asked of a pore network's present mesh: places, volumes, sections, ids and counts.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "geometry/cells.hpp"
+#include "geometry/containment.hpp"
 #include "network/pore_network.hpp"
 #include "network/timer.hpp"
 
 namespace poreslip {
+namespace {
+
+constexpr double same_place = 1e-12;  // of a period
+
+}  // namespace
 
 void PoreNetwork::unwrapped_centre(double* centre) {
   const Timer timer(report_.geometry);
@@ -21,6 +28,33 @@ void PoreNetwork::pore_centre(double* centre) {
       double& x = centre[3 * c + d];
       x -= period_[d] * std::floor((x - domain_.lower[d]) / period_[d]);
     }
+  }
+}
+
+void PoreNetwork::depth(const Vector3& point, double* depth) const {
+  const GrainView grains = view();
+  const CellView cells = mesh_.cell_view();
+  for (std::size_t c = 0; c < pores(); ++c) {
+    depth[c] = -std::numeric_limits<double>::infinity();
+    // Copies of the point that lie between the ends of the cell: along a period these are grains.
+    std::array<int, 3> first{0, 0, 0}, last{0, 0, 0};
+    for (int d = 0; d < 3; ++d) {
+      if (!domain_.periodic[d]) continue;
+      double low = std::numeric_limits<double>::infinity(), high = -low;
+      for (int k = 0; k < 4; ++k)
+        if (const Vertex v = cells.vertex[k][c]; !is_wall(v)) {
+          low = std::min(low, grains.position(v)[d]);
+          high = std::max(high, grains.position(v)[d]);
+        }
+      first[d] = static_cast<int>(std::ceil((low - point[d]) / period_[d] - same_place));
+      last[d] = static_cast<int>(std::floor((high - point[d]) / period_[d] + same_place));
+    }
+    for (int i = first[0]; i <= last[0]; ++i)
+      for (int j = first[1]; j <= last[1]; ++j)
+        for (int k = first[2]; k <= last[2]; ++k) {
+          const Vector3 copy{point[0] + i * period_[0], point[1] + j * period_[1], point[2] + k * period_[2]};
+          depth[c] = std::max(depth[c], geometry::depth_in_cell(cells, grains, c, copy));
+        }
   }
 }
 

@@ -36,7 +36,35 @@ def test_a_point_is_one_pore_where_several_are_of_the_same_grains(count):
     assert drained.outflow["points"] == pytest.approx(0.0, abs=1e-6 * rate)
 
 
-def test_a_point_is_nearest_across_a_period_too():
+@pytest.mark.parametrize("periodic", [(False,) * 3, (True, False, True), (True,) * 3, (False, True, False)])
+@pytest.mark.parametrize("count", [1, 5, 80])
+def test_cells_share_out_the_box(count, periodic):
+    """Each point of the box is in one cell, of whatever kind, and the centre of a cell in that cell."""
+    rng = np.random.default_rng(7)
+    x, r = rng.uniform(0.02, 0.98, (count, 3)), rng.uniform(0.05, 0.1, count) * count ** (-1 / 3)
+    network = make_flow(x, r, [1.0] * 3, periodic).network
+    found = set()
+    for point in rng.uniform(size=(300, 3)) + np.where(periodic, rng.integers(-2, 3, (300, 3)), 0):
+        depth = np.where(network.owned, network.native.depth(point.tolist()), -np.inf)
+        assert np.count_nonzero(depth > 0.0) == 1
+        found.add(int(depth.argmax()))
+    walls = {int(np.count_nonzero(vertices < 0)) for vertices in network.grains_of_pore[sorted(found)]}
+    assert walls >= (set() if any(periodic) else {3} if count == 1 else {1, 2})
+    for pore in np.flatnonzero(network.owned):
+        depth = network.native.depth(network.pore_centre[pore].tolist())
+        assert depth[pore] > 0.0 and np.count_nonzero(depth[network.owned] > 0.0) == 1
+
+
+@pytest.mark.parametrize("kind", ["points", "sources"])
+def test_a_point_beyond_the_walls_is_refused(kind):
+    x, r = random_pack(30, (0.08, 0.12), 5)
+    flow = make_flow(x, r, [1.0] * 3, (True, False, False))
+    assert flow.steady(Boundary(pressure={"zmin": 0.0}, **{kind: [(7.3, 0.5, 1.0, 1e-3)]})).outflow["zmin"] > 0.0
+    with pytest.raises(InputError, match=r"no pore holds the point \(0\.3, 0\.5, 1\.01\): expected one between the walls"):
+        flow.steady(Boundary(pressure={"zmin": 0.0}, **{kind: [(0.3, 0.5, 1.01, 1e-3)]}))
+
+
+def test_a_point_is_found_across_a_period_too():
     """A pack, and the same moved along the period together with its point, so that the point comes to lie at the other end."""
     x, r = random_pack(60, (0.08, 0.12), 5)
     found = []
