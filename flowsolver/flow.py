@@ -51,12 +51,12 @@ class FlowResult:
     """One solve.
 
     pressure : (m,) float64, Pa, of all pores that this rank sees
-    outflow : face to flow out of the box through it, m^3/s, over all ranks; "points" for points and sources together, "inside" for
+    outflow : face to flow out of the box through it, m^3/s, over all ranks, and over the step; "points" for points and sources together, "inside" for
         the pores with a pressure given inside
     mass_residual : inflow - outflow - storage - volume rate of all free pores together, as a share of the throughput: of what given pressures,
         sources, volume rates and storage bring in and take out. Where that is below what tolerance and rounding leave open nothing flows, and it
-        is a share of conductance times pressure, summed over all throats. None for `explicit`
-    pore_residual : the same of each pore, the sum of the sizes: what the linear solver's tolerance leaves; None for `explicit`
+        is a share of conductance times pressure, summed over all throats
+    pore_residual : the same of each pore, the sum of the sizes: what the linear solver's tolerance leaves
     report : unknowns, isolated_pores, limited_pores, limited_throats, iterations, ksp_reason, residual, preconditioner_kept,
         imbalance (m^3/s, of all free pores together, that one shift of their pressures has closed), substeps, and this rank's seconds {assemble,
         setup, solve}; of a step in two stages iterations and seconds are of both
@@ -65,10 +65,10 @@ class FlowResult:
 
     pressure: NDArray[np.float64]
     outflow: dict[str, float]
-    mass_residual: float | None
+    mass_residual: float
     report: dict[str, Any]
-    rate: NDArray[np.float64] | None = None
-    pore_residual: float | None = None
+    rate: NDArray[np.float64] | None
+    pore_residual: float
 
 
 def _tolerance_faults(tolerance: float) -> list[str]:
@@ -238,17 +238,17 @@ class PoreFlow:
     def explicit(
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
     ) -> FlowResult:
-        """Explicit steps (9) over `dt` (s), as many as the stability limit asks for. The outflow is that at the end."""
+        """Explicit steps (9) over `dt` (s), as many as the stability limit asks for."""
         self._check([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         if self.storage.size and not (self.storage > 0).all():
             self.network.agree(["explicit flow needs a fluid with compressibility above 0"])
         self.network.agree([])
-        after, report = self._native.step_explicit(
+        after, flowing, report = self._native.step_explicit(
             conditions.fixed, conditions.given, conditions.source, conditions.volume_rate, float(dt), LIMIT_SHARE, most_substeps
         )
-        supply = self._native.outflow(after) - conditions.source + conditions.volume_rate
-        return FlowResult(after, conditions.outflow(supply), None, report)
+        change = (after - conditions.before) / dt
+        return self._result(conditions, self._balance(conditions, flowing, change), after, flowing, change, report, ROUNDING)
 
     def forces(self, pressure: ArrayLike, law: ForceLaw = "total") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """`PoreNetwork.forces` of pressures (m,) Pa, with the body force of the last `refresh`."""

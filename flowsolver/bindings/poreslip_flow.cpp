@@ -117,13 +117,14 @@ NB_MODULE(poreslip_flow, m) {
           "step_explicit",
           [](PoreFlow& self, In<bool> fixed, In<double> pressure, In<double> source, In<double> volume_rate, double dt,
              double limit_share, std::int64_t most_substeps) {
-            Out out = new_array(pressure.shape(0));
+            Out out = new_array(pressure.shape(0)), flowing = new_array(pressure.shape(0));
             const SolveReport r = self.step_explicit(conditions(fixed, pressure, source, volume_rate), dt, limit_share,
-                                                     most_substeps, out.data());
-            return std::tuple{out, to_dict(r)};
+                                                     most_substeps, out.data(), flowing.data());
+            return std::tuple{out, flowing, to_dict(r)};
           },
           nb::arg("fixed"), nb::arg("pressure"), nb::arg("source"), nb::arg("volume_rate"), nb::arg("dt"),
-          nb::arg("limit_share"), nb::arg("most_substeps"), "Explicit (9) over dt in equal steps within its limit.")
+          nb::arg("limit_share"), nb::arg("most_substeps"), "Explicit (9) over dt in equal steps within its limit. Returns pressure (m,), "
+          "the mean of those that the fluid flowed by (m,), and a report.")
       .def(
           "balance",
           [](PoreFlow& self, In<bool> fixed, In<double> source, In<double> volume_rate, In<double> pressure, std::optional<In<double>> change) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import sys
 import time
@@ -172,13 +173,13 @@ def _solve(a: argparse.Namespace, network: PoreNetwork, flow: PoreFlow) -> tuple
                 result = flow.implicit(boundary, pressure, a.dt, tolerance=a.tolerance)
         pressure = result.pressure
         iterations += result.report["iterations"]
-        worst = max(worst, result.mass_residual) if result.mass_residual is not None else None
+        worst = max(worst, result.mass_residual)
         for phase in seconds:
             seconds[phase] += result.report["seconds"][phase]
         if a.history:
             outflow = {f"outflow_{face}": value for face, value in result.outflow.items()}
             history.append({"step": step, "time": step * a.dt} | means.of(pressure) | outflow)
-    return FlowResult(pressure, result.outflow, worst, result.report | {"iterations": iterations}), history, seconds
+    return dataclasses.replace(result, mass_residual=worst, report=result.report | {"iterations": iterations}), history, seconds
 
 
 class _Means:

@@ -15,7 +15,7 @@ double elapsed(double since) { return MPI_Wtime() - since; }
 }  // namespace
 
 SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
-                                    double* pressure) {
+                                    double* pressure, double* flowing) {
   SolveReport report{};
   const double clock = MPI_Wtime();
   const Mesh& mesh = network_.mesh();
@@ -50,7 +50,9 @@ SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, dou
   }
   agree_on_input(comm_, fault);
   report.substeps = static_cast<std::int64_t>(steps);
+  std::fill_n(flowing, n, 0.0);
   for (std::int64_t s = 0; s < report.substeps; ++s) {
+    for (std::size_t c = 0; c < n; ++c) flowing[c] += pressure[c] / steps;
     outflow(pressure, flow.data());
     for (const std::int32_t c : free_)
       pressure[c] += dt / steps * (conditions.source[c] - conditions.volume_rate[c] - flow[c]) / storage_[c];

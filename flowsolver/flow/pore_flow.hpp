@@ -59,9 +59,10 @@ class PoreFlow {
   // Collective. Backward Euler over dt (10)-(13), or the steady state for dt <= 0. Out: pressure (pores), Pa, everywhere.
   SolveReport solve(const Conditions& conditions, double dt, double relative_tolerance, double* pressure);
 
-  // Collective. Explicit (9) in as many equal steps as its limit asks for; limit_share of the limit each.
+  // Collective. Explicit (9) in as many equal steps as its limit asks for; limit_share of the limit each. Out: pressure (pores), Pa, at the end,
+  // and flowing (pores), Pa, the mean of those that the fluid flowed by.
   SolveReport step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
-                            double* pressure);
+                            double* pressure, double* flowing);
 
   // Collective. (7) after a solve that ended at `pressure`, by which the fluid flowed. change (pores), Pa/s, null: steady. Out: supply (pores), m^3/s,
   // what must come from outside for every pore's balance to hold: through a face where the pressure is given, else 0.

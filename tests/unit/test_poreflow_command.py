@@ -90,6 +90,9 @@ def test_flow_in_time_tends_to_the_steady_state(pack, tmp_path):
     early = report_of(tmp_path, pack, *BOX, *DRIVEN, "--dt", "1e-9", "--initial", "0.5")
     assert late["outflow"]["ymax"] == pytest.approx(steady["outflow"]["ymax"], rel=1e-6)
     assert early["outflow"]["ymax"] > 1.5 * steady["outflow"]["ymax"]
+    slow = ["--dt", "1e-9", "--initial", "0.5", "--compressibility", "1e-3"]
+    implicit, explicit = report_of(tmp_path, pack, *BOX, *DRIVEN, *slow), report_of(tmp_path, pack, *BOX, *DRIVEN, *slow, "--explicit")
+    assert explicit["outflow"] == pytest.approx(implicit["outflow"], rel=1e-3) and max(implicit["mass_residual"], explicit["mass_residual"]) < 1e-12
     # water at these sizes is too quick to follow explicitly
     assert main([str(pack), *BOX, *DRIVEN, "--dt", "1", "--explicit"]) == 2
 
