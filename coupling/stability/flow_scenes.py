@@ -134,7 +134,7 @@ def explicit_limit() -> Outcome:
     at = Conditions.of(network, boundary, np.random.default_rng(1).uniform(-1e5, 1e5, network.pores))
 
     def stable(share: float) -> bool:
-        after, _ = flow._native.step_explicit(at.fixed, at.given, at.source, at.volume_rate, 4000 * share * predicted, share, 10**7)
+        after, *_ = flow._native.step_explicit(at.fixed, at.given, at.source, at.volume_rate, 4000 * share * predicted, share, 10**7)
         return bool(np.abs(after).max() < 1e6)
 
     # 2 / (largest rate) of M-matrices: at least beta V / sum(C / l), where a pore alone would overshoot, and at most twice it.
