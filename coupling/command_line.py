@@ -122,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     study.set_defaults(action=_study)
 
     stability = commands.add_parser("stability", help="stiff and extreme scenes: stable, refused or stopped, and by which limit", description=_STABILITY_DESCRIPTION, **form)
-    stability.add_argument("--only", metavar="PATTERN", action="append", default=[], help="scenes of such names only, such as 'grains/limit/*'; may be repeated")
+    stability.add_argument("--only", metavar="PATTERN", action="append", default=[], help="scenes of such names only, such as flow/lattice or 'grains/step/*/0.8'; may be repeated")
     stability.add_argument("--quick", action="store_true", help="some of the scenes, in half a minute")
     stability.add_argument("--list", action="store_true", help="print the scenes, and how each may end")
     stability.add_argument("--ranks", metavar="N", type=_count, default=1, help="MPI ranks of each scene that can be spread over them (default: 1)")

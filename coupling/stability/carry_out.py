@@ -32,13 +32,17 @@ def all_scenes() -> list[Scene]:
 
 
 def chosen(patterns: list[str], quick: bool) -> list[Scene]:
-    """Scenes whose names match any of the patterns (as in a shell), or all; `quick`: of these, those of a second or two."""
+    """Scenes whose names, or beginnings of them, match any of the patterns (as in a shell), or all; `quick`: of these, those of a second or two."""
     scenes = all_scenes()
+
+    def named(scene: Scene, pattern: str) -> bool:
+        return fnmatch(scene.name, pattern) or fnmatch(scene.name, pattern.rstrip("/") + "/*")
+
     for pattern in patterns:
-        if not any(fnmatch(scene.name, pattern) for scene in scenes):
+        if not any(named(scene, pattern) for scene in scenes):
             groups = sorted({scene.name.rsplit("/", 1)[0] for scene in scenes})
             raise InputError(f"--only {pattern}: no scene has such a name. `poreslip stability --list` shows them all; they begin with {', '.join(groups)}.")
-    return [scene for scene in scenes if (not patterns or any(fnmatch(scene.name, p) for p in patterns)) and (scene.quick or not quick)]
+    return [scene for scene in scenes if (not patterns or any(named(scene, pattern) for pattern in patterns)) and (scene.quick or not quick)]
 
 
 def stability(patterns: list[str], directory: Path, jobs: int, quick: bool, ranks: int) -> int:

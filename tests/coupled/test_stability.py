@@ -64,8 +64,9 @@ def test_all_scenes(poreslip, stage_cache, tmp_path):
 
 
 def test_arguments(poreslip):
-    listed = poreslip("stability", "--list", "--only", "flow/lattice/*")
-    assert listed.returncode == 0 and [line.split()[0] for line in listed.stdout.splitlines()] == [f"flow/lattice/{k}" for k in ("sc", "bcc", "fcc", "fcc_shaken")]
+    for pattern in ("flow/lattice/*", "flow/lattice", "*/lattice/"):
+        listed = poreslip("stability", "--list", "--only", pattern)
+        assert listed.returncode == 0 and [line.split()[0] for line in listed.stdout.splitlines()] == [f"flow/lattice/{k}" for k in ("sc", "bcc", "fcc", "fcc_shaken")]
     assert "no scene has such a name" in the_message(poreslip("stability", "--only", "grians/*"), 2)
     assert "no whole number above 0" in the_message(poreslip("stability", "--jobs", "0"), 2)
 
