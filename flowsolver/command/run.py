@@ -78,9 +78,9 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
     kept = "cut off from every given pressure: {} the pressure of the start, in the mean"
     _note(comm, result.report["isolated_pores"], f"pore is {kept.format('it keeps')}", f"pores are {kept.format('they keep')}")
     if a.forces:
-        files.write(comm, a.forces, files.forces_as_npz(wall_force[0]), grains.id, force)
+        files.write_forces(comm, a.forces, grains.id, force, wall_force[0])
     if a.vtu:
-        files.write(comm, a.vtu, files.pressure_as_vtu, network.pore_centre[owned], pressure[owned])
+        files.write_pressures(comm, a.vtu, network.pore_centre[owned], pressure[owned])
     if a.history:
         files.write(comm, a.history, files.history_as_csv(history))
     if a.json:
