@@ -57,6 +57,32 @@ def _ask(comm: MPI.Comm, known: NDArray, value: NDArray, wanted: NDArray) -> tup
     return answer(found, asked_ends, wanted_places, len(wanted)), answer(used, key_ends, known_places, len(known))
 
 
+def _summed_by_grain(comm: MPI.Comm, grains: NDArray, value: NDArray, wanted: NDArray) -> NDArray[np.float64]:
+    """(l, 2) float64: of each of these pores, whose grains are wanted (l, 4), the sum over its grains of the values (k, 2) of all pores with
+    grains (k, 4) that touch them. Walls touch none. Every grain's sum is made on the rank that its id names."""
+
+    def by_home(name: NDArray) -> list[NDArray]:
+        return [np.flatnonzero(name % comm.size == rank) for rank in range(comm.size)]
+
+    touched = grains.ravel() >= 0
+    name, place = np.unique(grains.ravel()[touched], return_inverse=True)
+    sums = np.stack([np.bincount(place, np.repeat(column, 4)[touched], len(name)) for column in value.T], axis=1)
+    parts = comm.alltoall([(name[k], sums[k]) for k in by_home(name)])
+    name, place = np.unique(np.concatenate([part[0] for part in parts]), return_inverse=True)
+    received = np.concatenate([part[1] for part in parts])
+    sums = np.stack([np.bincount(place, column, len(name)) for column in received.T], axis=1)
+
+    asked, back = np.unique(wanted, return_inverse=True)
+    homes, known = by_home(asked), np.zeros((len(asked), 2))
+    answers = []
+    for theirs in comm.alltoall([asked[k] for k in homes]):
+        slot = np.minimum(np.searchsorted(name, theirs), max(len(name) - 1, 0))
+        answers.append(np.where((name[slot] == theirs)[:, None], sums[slot], 0.0) if len(name) else np.zeros((len(theirs), 2)))
+    for k, part in zip(homes, comm.alltoall(answers)):
+        known[k] = part
+    return known[back.reshape(-1, 4)].sum(axis=1)
+
+
 def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int) -> NDArray[np.float64]:
     """Pressures on the present mesh from those on the one before. Collective.
 
@@ -93,21 +119,14 @@ def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int)
         new_pressure, kept = _ask(comm, _keys(old_grains), old_pressure, _keys(new_grains))
     new = np.isnan(new_pressure)
 
-    # What the vanished pores held, by grain; they are few, and every rank gets them all.
+    # What the vanished pores held, by grain.
     gone = ~kept
-    grains, volume, held = (
-        np.concatenate(parts)
-        for parts in zip(*comm.allgather((old_grains[gone], np.abs(old_volume[gone]), (np.abs(old_volume) * old_pressure)[gone])))
-    )
+    volume, held = np.abs(old_volume[gone]), (np.abs(old_volume) * old_pressure)[gone]
     sums = np.array([(old_volume * old_pressure)[gone].sum(), 0.0, 0.0])
-    if volume.sum() > 0:
-        name, place = np.unique(grains, return_inverse=True)
-        by_grain = [np.bincount(place.ravel(), np.repeat(value, 4), len(name)) for value in (held, volume)]
-        slot = np.minimum(np.searchsorted(name, new_grains[new]), len(name) - 1)
-        near = (name[slot] == new_grains[new]) & (new_grains[new] >= 0)
-        weight = np.where(near, by_grain[1][slot], 0.0).sum(axis=1)
-        around = np.where(near, by_grain[0][slot], 0.0).sum(axis=1)
-        new_pressure[new] = np.where(weight > 0, around / np.where(weight > 0, weight, 1.0), held.sum() / volume.sum())
+    whole = comm.allreduce(np.array([held.sum(), volume.sum()]))
+    if whole[1] > 0:
+        around, weight = _summed_by_grain(comm, old_grains[gone], np.stack([held, volume], axis=1), new_grains[new]).T
+        new_pressure[new] = np.where(weight > 0, around / np.where(weight > 0, weight, 1.0), whole[0] / whole[1])
     else:
         new_pressure[new] = 0.0
     sums[1:] = (new_volume * new_pressure)[new].sum(), new_volume[new].sum()

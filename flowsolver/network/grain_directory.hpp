@@ -13,8 +13,8 @@
 
 namespace poreslip {
 
-// The mesh stays with the rank that built it. Grains that have since moved to another rank (strays) are sent to the mesh's
-// rank by id, and their forces back; they are few, or the mesh is rebuilt.
+// The mesh stays with the rank that built it. Grains that have since moved to another rank (strays) are sent from there to the mesh's
+// rank, and their forces back; they are few, or the mesh is rebuilt.
 class GrainDirectory {
  public:
   // Own grains of the mesh are the caller's, in the caller's order.
@@ -42,12 +42,16 @@ class GrainDirectory {
   std::int32_t own_of_input(std::size_t i) const { return own_of_input_[i]; }
 
  private:
+  bool route(MPI_Comm comm);
+
   std::vector<std::pair<std::int64_t, std::int32_t>> by_id_;  // id, own index
   std::vector<std::int64_t> own_id_;                          // of the mesh's own grains
   std::vector<std::int64_t> input_id_;                        // the caller's last ids
   std::vector<std::int32_t> own_of_input_;
-  std::vector<std::int32_t> lost_;                            // own grains that another rank now hands over
-  std::int64_t strays_everywhere_ = 0;
+  bool any_strays_ = false;  // on any rank
+  // The caller's grains whose mesh is on another rank, and own grains that another rank now hands over: by that rank, then by id.
+  std::vector<std::int32_t> away_, lost_;
+  std::vector<int> away_count_, lost_count_;
 };
 
 }  // namespace poreslip
