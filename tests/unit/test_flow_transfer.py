@@ -42,6 +42,31 @@ def test_fluid_is_conserved(periodic, move):
     assert np.sqrt(np.mean((after - field()) ** 2)) < 0.1e6
 
 
+def test_a_new_pore_gets_the_mean_of_those_that_vanished_around_it():
+    """By volume, over all that had one of its grains; then one shift for all new pores. Against sums made pore by pore."""
+    x, r = random_pack(80, (0.06, 0.1), seed=2)
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    net.remember_previous()
+    ids = np.arange(80)
+    net.update(ids, x, r)
+    pressure = np.sin(9 * net.pore_centre).sum(axis=1) + 5
+    before, pores = [tuple(sorted(v)) for v in net.grains_of_pore.tolist()], net.pores
+    net.update(ids, np.clip(x + np.random.default_rng(1).normal(scale=2e-3, size=x.shape), 0.01, 0.99), r)
+    after = carry_pressure(net, pressure, pores)
+    pores_now = [tuple(sorted(v)) for v in net.grains_of_pore.tolist()]
+    _, volume, index = net.native.previous()
+    gone = [(set(before[k]), v, pressure[k]) for k, v in zip(index, volume) if before[k] not in pores_now]
+    new = [k for k, v in enumerate(pores_now) if v not in before]
+    assert len(gone) > 10 and len(new) > 10
+    expected = np.empty(len(new))
+    for n, k in enumerate(new):
+        # One that has several of its grains counts once for each.
+        shared = [(len(grains & {g for g in pores_now[k] if g >= 0}) * abs(v), p) for grains, v, p in gone]
+        expected[n] = sum(w * p for w, p in shared) / sum(w for w, _ in shared)
+    expected += (sum(v * p for _, v, p in gone) - net.pore_volume[new] @ expected) / net.pore_volume[new].sum()
+    np.testing.assert_allclose(after[new], expected, rtol=1e-11)
+
+
 def test_nothing_changes_where_the_mesh_does_not():
     x, r = random_pack(100, (0.05, 0.08), seed=7)
     net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
