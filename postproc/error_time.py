@@ -103,18 +103,28 @@ def cost(files: ResultFiles, wall_s: float, cpu_s: float) -> Cost:
 
 
 def error_of(observed: Observed, expected: Observed, relative: bool) -> float:
-    """Root mean square of the difference, over that of what is expected if `relative`.
+    """Root mean square of the difference, over that of what is expected if `relative`; NotObserved, with the reason, where there is none.
 
     A curve is held against another over the abscissas that both have, read off linearly.
     """
     value, wanted = observed.value, expected.value
     if observed.abscissa is not None and expected.abscissa is not None and not np.array_equal(observed.abscissa, expected.abscissa):
-        common = observed.abscissa <= expected.abscissa.max() * (1.0 + 1e-12)
+        if not (np.diff(expected.abscissa) >= 0.0).all():
+            raise NotObserved("the reference's abscissa does not grow throughout, so nothing can be read off between its points")
+        # Rounding at the ends is let pass.
+        first, last = expected.abscissa[[0, -1]]
+        slack = 1e-12 * max(abs(first), abs(last))
+        common = (observed.abscissa >= first - slack) & (observed.abscissa <= last + slack)
+        if not common.any():
+            ours = observed.abscissa.min(), observed.abscissa.max()
+            raise NotObserved(f"the reference goes from {first:.6g} to {last:.6g}, and no point from {ours[0]:.6g} to {ours[1]:.6g} lies within")
         value, wanted = value[common], np.interp(observed.abscissa[common], expected.abscissa, wanted)
     if value.shape != wanted.shape:
-        raise ValueError(f"{len(value)} values cannot be held against {len(wanted)}")
+        raise NotObserved(f"{len(value)} values cannot be held against {len(wanted)} of the reference")
     size = float(np.sqrt(np.mean(wanted**2))) if relative else 1.0
-    return float(np.sqrt(np.mean((value - wanted) ** 2))) / size if size > 0.0 else math.nan
+    if not size > 0.0:
+        raise NotObserved("the reference is 0, so no error is relative to it; set relative = false in the study")
+    return float(np.sqrt(np.mean((value - wanted) ** 2))) / size
 
 
 def gathered(rows: Sequence[Row]) -> list[Point]:

@@ -49,12 +49,16 @@ class ResultFiles:
         return self.companions[name]
 
 
-def history(directory: Path) -> pd.DataFrame:
-    """history.csv of a run."""
+def history(directory: Path, *columns: str) -> pd.DataFrame:
+    """history.csv of a run, which has to have these columns."""
     path = directory / "history.csv"
     if not path.is_file():
         raise NotObserved("there is no history.csv")
-    return pd.read_csv(path)
+    table = pd.read_csv(path)
+    for name in columns:
+        if name not in table:
+            raise NotObserved(f"history.csv has no column {name}; its columns: {', '.join(table.columns)}")
+    return table
 
 
 def report(directory: Path) -> dict[str, Any]:
@@ -67,15 +71,19 @@ def report(directory: Path) -> dict[str, Any]:
 
 def case(directory: Path) -> dict[str, Any]:
     """case.json of a run: every input."""
-    return json.loads((directory / "case.json").read_text(encoding="utf-8"))
+    path = directory / "case.json"
+    if not path.is_file():
+        raise NotObserved("there is no case.json: this is read from the run of a case")
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def of_history(files: ResultFiles, column: str, at: Mapping[str, float], over: str) -> Observed:
     """A column of history.csv: at the end, interpolated where another column has a value, or as a curve over another."""
-    table = history(files.directory)
-    for name in [column, *at, *([over] if over else [])]:
-        if name not in table:
-            raise NotObserved(f"history.csv has no column {name}; its columns: {', '.join(table.columns)}")
+    return of_table(history(files.directory, column, *at, *filter(None, [over])), column, at, over)
+
+
+def of_table(table: pd.DataFrame, column: str, at: Mapping[str, float], over: str) -> Observed:
+    """The same of any table."""
     values = table[column].to_numpy(float)
     if over:
         return Observed(values, table[over].to_numpy(float))
@@ -145,7 +153,7 @@ def slip(files: ResultFiles, side: str = "both", at: Mapping[str, float] | None 
 
 def block_stiffness(files: ResultFiles) -> Observed:
     """d sigma_h / d strain of the whole box before the fault yields, Pa: least squares between STIFFNESS_STRAINS."""
-    table = history(files.directory)
+    table = history(files.directory, "strain", "sigma_h_left_Pa", "sigma_h_right_Pa")
     strain = table["strain"].to_numpy(float)
     stress = 0.5 * (table["sigma_h_left_Pa"] + table["sigma_h_right_Pa"]).to_numpy(float)
     lower, upper = STIFFNESS_STRAINS
@@ -175,9 +183,15 @@ class Layer:
 
     def __init__(self, files: ResultFiles):
         self.inputs = case(files.directory)
-        dry, first = report(files.companion("dry"))["last"], history(files.directory).iloc[0]
-        raised = str(self.inputs["sample"]["walls"]["z_top"]).split()
-        self.load = float(raised[1]) - self.inputs["sample"]["initial_stress_Pa"]
+        kind, *raised = str(self.inputs.get("sample", {}).get("walls", {}).get("z_top", "fixed")).split()
+        if self.inputs["scene"] != "sample" or kind != "stress":
+            raise NotObserved('this needs a box of grains, scene = "sample", with a stress on top: sample.walls = { z_top = "stress S" }')
+        self.load = float(raised[0]) - self.inputs["sample"]["initial_stress_Pa"]
+        if self.load == 0.0:
+            raise NotObserved("the stress on top, sample.walls, is the initial one, sample.initial_stress_Pa: there is no load to consolidate under")
+        dry, first = report(files.companion("dry")).get("last", {}), history(files.directory, "strain_z", "porosity").iloc[0]
+        if "strain_z" not in dry:
+            raise NotObserved("[companion.dry] is no run of a box of grains")
         self.stiffness = self.load / dry["strain_z"]
         self.storage = float(first["porosity"]) * self.inputs["fluid"]["compressibility_per_Pa"]
         self.height = float(report(files.directory)["reference"]["height"])

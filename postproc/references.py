@@ -24,6 +24,8 @@ def terzaghi_degree(time_factor: np.ndarray) -> np.ndarray:
 
 def terzaghi(files: ResultFiles, observed: Observed) -> np.ndarray:
     """Degree of consolidation at the observed times. Stiffness from [companion.dry], permeability from [companion.darcy]."""
+    if observed.abscissa is None:
+        raise NotObserved('Terzaghi\'s solution is a curve over time, as the observable "consolidation" is')
     layer = Layer(files)
     permeable = permeability_of(files.companion("darcy")) / layer.inputs["fluid"]["viscosity_Pa_s"]
     diffusivity = permeable / (1.0 / layer.stiffness + layer.storage)
@@ -64,6 +66,11 @@ def fourier(
     Permeability k and porosity are those of [companion.steady]; t is the setting's --dt times its --steps.
     """
     found = report(files.companion("steady"))
+    for name in ("porosity", "permeability"):
+        if found.get(name) is None:
+            raise NotObserved(f"the report of [companion.steady] has no {name}")
+    if "--dt" not in files.setting:
+        raise NotObserved("the decay of a wave is known at a time, that of the parameter --dt")
     storage = found["porosity"] * compressibility_per_Pa
     tau = storage * viscosity_Pa_s * (wave_length_m / (2.0 * np.pi)) ** 2 / found["permeability"]
     time = float(files.setting["--dt"]) * float(files.setting.get("--steps", 1))

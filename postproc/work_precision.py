@@ -43,7 +43,8 @@ def draw(points: Sequence[Point], best: Sequence[Point], given: Sequence[str], t
         if not any(row.is_reference for row in point.rows):
             series.setdefault(", ".join(short(point.options[key]) for key in others), []).append(point)
     marks = {name: _marks(line, first, across, best) for name, line in series.items()}
-    options = list(dict.fromkeys(mark.option for line in marks.values() for mark in line))
+    # A list of numbers, as a pack's sizes, stands by its text.
+    options = list({str(mark.option): mark.option for line in marks.values() for mark in line}.values())
     numeric = all(number(option) is not None for option in options)
     with print_style():
         figure, (work, sweep) = plt.subplots(1, 2, figsize=(PAGE, 3.2), sharey=True, layout="constrained")

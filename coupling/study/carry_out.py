@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from postproc.error_time import Row, cost, error_of, gathered, recommended_for_each, write_table
 from postproc.errors import RunFileError
-from postproc.observables import OBSERVABLES, NotObserved, Observed, ResultFiles, interpolated
+from postproc.observables import OBSERVABLES, NotObserved, Observed, ResultFiles, of_table
 from postproc.references import ANALYTIC
 
 from coupling.errors import ComputationError, InputError
@@ -76,7 +76,9 @@ class Work:
     def __init__(self, study: Study, plan: Plan, runner: Runner):
         self._study, self._plan, self._runner = study, plan, runner
         self._spread = [one.key for one in study.parameters if one.spread]
-        self._expected: dict[str, Observed] = {}
+        file = study.reference.file
+        # Read before anything is run.
+        self._expected: dict[str, Observed] = {"file": of_file(study.directory / file, study.observable)} if file else {}
         self.rows: list[Row] = []
 
     def carry_out(self) -> None:
@@ -145,8 +147,6 @@ class Work:
         if reference.analytic:
             return Observed(ANALYTIC[reference.analytic](files, observed, **reference.arguments), observed.abscissa)
         if reference.file:
-            if "file" not in self._expected:
-                self._expected["file"] = of_table(self._study.directory / reference.file, self._study.observable)
             return self._expected["file"]
         run = self._plan.reference_of(setting)
         digest = run.jobs["run"].digest
@@ -162,19 +162,26 @@ class Work:
         print(f"{self._study.stem}  {len(self.rows)}/{count}  {setting}  {said}  {row.cost.cpu_s:.3g} CPU s", flush=True)
 
 
-def of_table(path: Path, wanted: Observable) -> Observed:
+def of_file(path: Path, wanted: Observable) -> Observed:
     """The observable "history" read from a CSV that is no run's."""
-    table = pd.read_csv(path)
-    for name in filter(None, (wanted.column, wanted.over, *wanted.at)):
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as a table with a line of names ({error}); give a CSV file such as history.csv.") from None
+    names = [*filter(None, (wanted.column, wanted.over, *wanted.at))]
+    for name in names:
         if name not in table:
             raise InputError(f"{path} has no column {name}; its columns: {', '.join(table.columns)}.")
-    values = table[wanted.column].to_numpy(float)
-    if wanted.over:
-        return Observed(values, table[wanted.over].to_numpy(float))
-    if not wanted.at:
-        return Observed.number(values[-1])
-    (name, place), = wanted.at.items()
-    return Observed.number(interpolated(table[name].to_numpy(float), values, place, name))
+        values = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
+        if not len(values) or not np.isfinite(values).all():
+            line = int(np.argmin(np.isfinite(values))) + 2 if len(values) else 2
+            raise InputError(f"{path}, line {line}: its column {name} holds no finite number there; every line needs one.")
+    if wanted.over and not (np.diff(table[wanted.over]) >= 0.0).all():
+        raise InputError(f"{path}: its column {wanted.over} does not grow throughout, so nothing can be read off between its lines; sort them by it.")
+    try:
+        return of_table(table, wanted.column, wanted.at, wanted.over)
+    except NotObserved as trouble:
+        raise InputError(f"{path}: {trouble}.") from None
 
 
 def _write(study: Study, rows: list[Row], paths: Paths, file: str) -> None:

@@ -7,9 +7,12 @@ against a reference.
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import re
+import shlex
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +28,8 @@ from coupling.errors import InputError
 
 #: A setting has at most this many parameters; those that are spread over come on top.
 MOST_PARAMETERS = 3
+#: Fields of [observable] that belong to one of them alone.
+FIELDS_OF = {"history": ("column", "at", "over"), "report": ("key",)}
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
@@ -259,7 +264,11 @@ def _problems(study: Study):
             yield f"[{name}]: only and set belong to a case, and this is poreflow: put its options into the command line"
         if command.ranks < 1:
             yield f"ranks = {command.ranks} in [{name}]: allowed is 1 or more"
-        file = command.case or command.poreflow.split()[0]
+        try:
+            file = command.case or shlex.split(command.poreflow)[0]
+        except (ValueError, IndexError):
+            yield f"poreflow = {command.poreflow!r} in [{name}]: allowed is the command line of poreflow, a pack and its options, with quotes in pairs"
+            continue
         if not (study.directory / file).is_file():
             near = sorted(str(other.relative_to(study.directory)) for other in (study.directory / file).parent.glob("*"))
             yield f"[{name}]: there is no file {study.directory / file}{nearest(file, near)}"
@@ -287,6 +296,31 @@ def _problems(study: Study):
         yield f"limit_s = {study.limit_s:g}: allowed is a number of seconds above 0"
 
 
+def _argument_problems(kind: str, name: str, known: dict[str, Callable], arguments: dict[str, Any], own: tuple[str, ...]):
+    """What is wrong with the arguments of an observable or a reference. own: parameters of its function that are not given as such."""
+    if name not in known:
+        return
+    taken = {key: one for key, one in inspect.signature(known[name]).parameters.items() if key not in own}
+    for key, value in arguments.items():
+        if key not in taken:
+            yield f"the {kind} {name} has no argument {key}{nearest(key, taken)}; its arguments: {', '.join(taken) or 'none'}"
+        elif (wanted := taken[key].annotation) in ("float", "str") and not _is(value, wanted):
+            yield f"{key} = {value!r} in the arguments of {name}: allowed is {_ALLOWED[wanted]}"
+        elif wanted.startswith("Mapping") and not (isinstance(value, dict) and len(value) == 1 and all(_is(one, "float") for one in value.values())):
+            yield f"{key} = {value!r} in the arguments of {name}: allowed is one column and its value, {{ column = value }}"
+    for key, one in taken.items():
+        if one.default is inspect.Parameter.empty and key not in arguments:
+            yield f"the {kind} {name} needs arguments = {{ {key} = ... }}"
+
+
+def _is(value: Any, kind: str) -> bool:
+    """Whether it is a text, or a finite number."""
+    try:
+        return (number(value) if kind == "float" else exactly(value, str)) is not None
+    except ValueError:
+        return False
+
+
 def _observed_problems(study: Study):
     observable, reference = study.observable, study.reference
     if observable.name not in OBSERVABLES:
@@ -297,6 +331,15 @@ def _observed_problems(study: Study):
         yield "at holds one column and its value, { column = value }, and cannot be combined with over"
     if observable.name == "report" and not observable.key:
         yield 'the observable "report" needs a key of the report: key = "..."'
+    yield from _argument_problems("observable", observable.name, OBSERVABLES, observable.arguments, ("files", *FIELDS_OF.get(observable.name, ())))
+    for key in ("column", "at", "over", "key"):
+        if getattr(observable, key) and key not in FIELDS_OF.get(observable.name, ()):
+            yield f"the observable {observable.name} takes no {key}; write what it takes as arguments = {{ name = value }}"
+    yield from _argument_problems("analytic reference", reference.analytic, ANALYTIC, reference.arguments, ("files", "observed"))
+    if observable.over and reference.value is not None:
+        yield "[reference] value is one number, and the observable is a curve over another column: read it at a place, at = { column = value }, or give a file"
+    if reference.value == 0.0 and study.relative:
+        yield "no error is relative to [reference] value = 0: set relative = false"
     given = [name for name in ("settings", "analytic", "file") if getattr(reference, name)] + ["value"] * (reference.value is not None)
     if len(given) != 1:
         yield f"[reference] needs one of settings, value, analytic and file; given {'are ' + ', '.join(given) if given else 'is none'}"

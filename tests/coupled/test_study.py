@@ -70,6 +70,7 @@ def study(poreslip, tiny_case, tmp_path, stage_cache):
         path.write_text(text)
         return poreslip("study", path, "--out", tmp_path / "out", *arguments, env={"PORESLIP_CACHE": str(stage_cache)}), tmp_path / "out" / "study"
 
+    run.directory = tmp_path
     return run
 
 
@@ -165,6 +166,30 @@ def test_a_reference_without_the_observable_ends_the_study(study):
     assert "does not show what [observable] asks for: history.csv has no column sigma_Pa; its columns: step, " in message and "kinetic_energy_J" in message
 
 
+def test_lists_of_numbers_are_values_like_others(study):
+    """Sizes of grains, as far apart as the box allows, against a file."""
+    text = RATES.replace('key = "loading.strain_rate_per_s"\nvalues = [10.0, 20.0, 1e4]', 'key = "pack.diameter_m"\nvalues = [[1.8e-3, 2.2e-3], [1.0, 2.0]]')
+    text = text.replace('settings = { "loading.strain_rate_per_s" = 5.0 }', 'file = "wanted.csv"')
+    (study.directory / "wanted.csv").write_text("strain,sigma_n_Pa\n0,1e7\n2e-4,1.5e7\n")
+    done, results = study(text)
+    assert done.returncode == 0, done.stderr
+    fits, refused = lines(results)
+    assert fits["pack.diameter_m"] == "[0.0018, 0.0022]" and float(fits["error"]) > 0.0
+    assert "each side must hold three of the largest grains" in refused["reason"] and (results / "error_time.png").is_file()
+
+
+@pytest.mark.parametrize(("content", "message"), [
+    ("", "cannot be read as a table"), ("strain,sigma_n_Pa\n", "line 2: its column sigma_n_Pa holds no finite number"),
+    ("strain,sigma_n_Pa\n0,1e7\n1e-4,\n", "line 3: its column sigma_n_Pa holds no finite number"), ("strain,sigma_n_Pa\n0,much\n", "line 2: its column"),
+    ("strain,sigma\n0,1e7\n", "has no column sigma_n_Pa; its columns: strain, sigma"), ("strain,sigma_n_Pa\n1e-4,1e7\n0,2e7\n", "strain does not grow throughout"),
+])  # fmt: skip
+def test_a_reference_file_that_is_none_ends_the_study_before_its_runs(study, content, message):
+    (study.directory / "wanted.csv").write_text(content)
+    done, results = study(RATES.replace('settings = { "loading.strain_rate_per_s" = 5.0 }', 'file = "wanted.csv"'))
+    assert message in the_message(done, 2)
+    assert not (results.parent / "runs").exists()
+
+
 def test_a_study_without_any_error_to_tell_has_failed(study):
     text = RATES.replace('column = "sigma_n_Pa"\nover = "strain"', 'column = "sigma_Pa"').replace('settings = { "loading.strain_rate_per_s" = 5.0 }', "value = 1.0")
     done, results = study(text)
@@ -216,7 +241,7 @@ def _command_line(pid: str) -> bytes:
 def test_a_run_that_takes_too_long_gets_more_time_when_asked(study, tmp_path):
     text = RATES.replace("[10.0, 20.0, 1e4]", "[0.02]").replace("tolerance", "limit_s = 6.0\ntolerance")  # 99 000 steps
     done, results = study(text)
-    assert done.returncode == 3, done.stderr
+    assert done.returncode == 3 and "No setting has an error to judge by" in done.stdout, done.stderr
     (row,) = lines(results)[1:]
     assert row["stable"] == "no" and row["reason"] == "took longer than 6 s"
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from postproc.error_time import Cost, Row, error_of, gathered, order_of, pareto_front, recommended, write_table
-from postproc.observables import Observed
+from postproc.observables import NotObserved, Observed
 
 
 def row(name: str, error: float, cpu_s: float, *, seed: int = 0, stable: bool = True, reference: bool = False, value: float = 1.0) -> Row:
@@ -59,13 +59,26 @@ def test_one_pack_without_an_error_leaves_none():
 def test_error_of_numbers_and_curves():
     assert error_of(Observed.number(1.1), Observed.number(1.0), relative=True) == pytest.approx(0.1)
     assert error_of(Observed.number(-3.0), Observed.number(-2.0), relative=False) == pytest.approx(1.0)
-    assert math.isnan(error_of(Observed.number(1.0), Observed.number(0.0), relative=True))
     fine = np.linspace(0.0, 1.0, 101)
     line, parabola = Observed(2 * fine, fine), Observed(np.array([0.0, 1.0, 2.0, 9.0]), np.array([0.0, 0.5, 1.0, 1.5]))
     # What lies past the end of the reference does not count.
     assert error_of(parabola, line, relative=True) == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(ValueError, match="3 values cannot be held against 2"):
-        error_of(Observed(np.zeros(3)), Observed(np.ones(2)), relative=True)
+    # Nor what lies before its beginning.
+    late = Observed(2 * fine[50:], fine[50:])
+    assert error_of(Observed(np.array([7.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0])), late, relative=True) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("observed", "expected", "message"), [
+    (Observed(np.zeros(3)), Observed(np.ones(2)), "3 values cannot be held against 2"),
+    (Observed(np.zeros(3), np.arange(3.0)), Observed.number(1.0), "3 values cannot be held against 1"),
+    (Observed.number(1.0), Observed.number(0.0), "the reference is 0, so no error is relative to it; set relative = false"),
+    (Observed(np.ones(2), np.array([0.0, 1.0])), Observed(np.ones(2), np.array([2.0, 3.0])), "the reference goes from 2 to 3, and no point from 0 to 1 lies within"),
+    # numpy would read a falling abscissa off as if it grew.
+    (Observed(np.ones(2), np.array([0.0, 1.0])), Observed(np.arange(3.0), np.array([1.0, 0.5, 0.0])), "abscissa does not grow"),
+])  # fmt: skip
+def test_what_has_no_error(observed, expected, message):
+    with pytest.raises(NotObserved, match=message):
+        error_of(observed, expected, relative=True)
 
 
 def test_order_of_convergence():

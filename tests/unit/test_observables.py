@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from synthetic_run import Synthetic, write_run
 
-from postproc.observables import NotObserved, ResultFiles, block_stiffness, of_history, of_report, onset, permeability, slip
-from postproc.references import kozeny_carman, terzaghi_degree, zick_homsy, zick_homsy_drag
+from postproc.observables import NotObserved, Observed, ResultFiles, block_stiffness, consolidation, of_history, of_report, onset, permeability, slip
+from postproc.references import kozeny_carman, terzaghi, terzaghi_degree, zick_homsy, zick_homsy_drag
 
 
 @pytest.fixture
@@ -40,6 +40,21 @@ def test_onset_slip_and_stiffness(fault):
     last = pd.read_csv(fault.directory / "history.csv").iloc[-1]
     assert slip(fault).value == [max(last["slip_left_m"], last["slip_right_m"], key=abs)]
     assert slip(fault, "left").value == [last["slip_left_m"]]
+
+
+def test_what_is_of_another_kind_of_run(fault, tmp_path):
+    """Each a reason, and never a failure of the study."""
+    with pytest.raises(NotObserved, match='scene = "sample", with a stress on top'):
+        consolidation(fault)
+    with pytest.raises(NotObserved, match="a curve over time"):
+        terzaghi(fault, Observed.number(1.0))
+    elsewhere = tmp_path / "of a sample"
+    elsewhere.mkdir()
+    (elsewhere / "history.csv").write_text("time_s,strain_z\n0,0\n")
+    with pytest.raises(NotObserved, match="history.csv has no column strain; its columns: time_s, strain_z"):
+        block_stiffness(ResultFiles(elsewhere))
+    with pytest.raises(NotObserved, match="there is no case.json"):
+        consolidation(ResultFiles(elsewhere))
 
 
 def test_a_fault_that_does_not_slip_has_no_onset(tmp_path):

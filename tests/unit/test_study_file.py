@@ -136,6 +136,17 @@ REFUSED = {
     "no reference": ('settings = { "loading.strain_rate_per_s" = 0.5 }', "", "given is none"),
     "unknown solution": ('settings = { "loading.strain_rate_per_s" = 0.5 }', 'analytic = "terzagi"', "terzagi is not known.*did you mean terzaghi"),
     "no reference file": ('settings = { "loading.strain_rate_per_s" = 0.5 }', 'file = "no.csv"', "there is no reference file"),
+    "argument of no observable": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "slip"\narguments = { sied = "left" }', "slip has no argument sied.*did you mean side.*: side, at"),
+    "argument of another kind": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "slip"\narguments = { side = 3 }', "side = 3 in the arguments of slip: allowed is text"),
+    "place without a number": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "slip"\narguments = { at = { strain = "a" } }', "at = .* of slip: allowed is one column and its value"),
+    "missing argument": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "amplitude"', "amplitude needs arguments = { wave_length_m = "),
+    "column of another observable": ('name = "history"', 'name = "onset"', "onset takes no column"),
+    "missing argument of a solution": ('settings = { "loading.strain_rate_per_s" = 0.5 }', 'analytic = "kozeny_carman"', "kozeny_carman needs arguments = { diameter_m"),
+    "curve against a number": ('column = "sigma_n_Pa"\n\n[reference]\nsettings = { "loading.strain_rate_per_s" = 0.5 }',
+                               'column = "sigma_n_Pa"\nover = "strain"\n\n[reference]\nvalue = 1.0', "value is one number, and the observable is a curve"),
+    "error relative to 0": ('settings = { "loading.strain_rate_per_s" = 0.5 }', "value = 0.0", "value = 0: set relative = false"),
+    "empty command": ('case = "fault.toml"\nonly = "dry"\nset = { "pack.seed" = 3 }', 'poreflow = " "', "allowed is the command line of poreflow"),
+    "quote without its other": ('case = "fault.toml"\nonly = "dry"\nset = { "pack.seed" = 3 }', 'poreflow = "fault.toml \'--dt"', "with quotes in pairs"),
     "lacking parameter": ('settings = { "loading.strain_rate_per_s" = 0.5 }', 'settings = { "pack.seed" = 2 }', "lacks the parameter loading.strain_rate_per_s"),
 }
 
