@@ -9,6 +9,7 @@ from pathlib import Path
 from coupling.case.run_case import CaseFile, RunCase
 from coupling.collective import raised_together
 from coupling.engine.liggghts import LiggghtsEngine
+from coupling.errors import InputError
 from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.loading import Ending, Loading
 from coupling.measures.fault import Measures
@@ -142,6 +143,8 @@ class Run:
     def _tell_of_the_decks_step(self, engine) -> None:
         """What the case's checks, and its number of steps, know nothing of."""
         case, step = self.case, engine.time_step
+        if not step > 0.0:
+            raise InputError(f"the deck {prepared.load_deck(case)} sets a time step of {step:g} s: it has to be above 0; leave it at ${{time_step}}, the case's")
         if not math.isclose(step, case.time_step_s, rel_tol=1e-9):
             longest = case.stable_time_step_s(case.material.local_damping, case.material.friction > 0.0)
             self._tell(f"{prepared.load_deck(case).name} sets a time step of {step:.3g} s, {step / case.time_step_s:.3g} times the case's: its {case.loading_steps} steps last "

@@ -45,6 +45,7 @@ class Loading:
         self._broken = list(state["broken"])
         self._steps = case.loading_steps
         self._watch = Watch(case, engine, comm, walls, flow, state["watch"])
+        self.uncounted = self._watch.uncounted
         self.worst: dict[str, float] = dict(state["worst"])
         self.last: dict[str, float] = dict(state["last"])
 
@@ -80,7 +81,7 @@ class Loading:
                     self._flow.synchronise()
                 if ended:
                     return ended
-        return Ending("the end of loading", complete=True)
+        return Ending(f"the end of loading{self._measures.shortfall(self.last)}", complete=True)
 
     def _next_event(self, step: int) -> int:
         """The next step at which something has to be done."""

@@ -36,7 +36,7 @@ def write_report(
     if comm.rank:
         return
     steps = engine.step
-    said = warnings(loading.worst, case.scene)
+    said = warnings(loading.worst, case.scene, loading.uncounted)
     report = {
         "run": case.name,
         "ended": ending.reason,

@@ -74,6 +74,8 @@ namespace LAMMPS_NS {
 
 void Error::all(const char *, int, const char *text) { throw EngineError(raised_on_all, text); }
 void Error::one(const char *, int, const char *text) { throw EngineError(raised_on_one, text); }
+// The command `quit` of a deck.
+void Error::done() { throw EngineError(raised_on_all, "the deck ends the engine, which the driver still needs: take the command out"); }
 void Error::cg(const char *, int, const char *text) {
   throw EngineError(raised_on_all, std::string("not allowed with coarse-graining: ") + text);
 }
@@ -127,6 +129,17 @@ int poreslip_engine_moved_groups(void *engine) {
   for (int i = 0; i < modify->nfix; ++i)
     if (modify->fix[i]->time_integrate) bits |= modify->fix[i]->groupbit;
   return bits;
+}
+
+// Ids and styles, a line each, of the fixes that take part in the steps themselves, not only after them.
+void poreslip_engine_acting_fixes(void *engine, char *names, int size) {
+  namespace FixConst = LAMMPS_NS::FixConst;
+  const LAMMPS_NS::Modify *modify = static_cast<LAMMPS_NS::LAMMPS *>(engine)->modify;
+  const int acts = FixConst::INITIAL_INTEGRATE | FixConst::POST_INTEGRATE | FixConst::PRE_FORCE | FixConst::POST_FORCE | FixConst::FINAL_INTEGRATE;
+  std::string text;
+  for (int i = 0; i < modify->nfix; ++i)
+    if (modify->fmask[i] & acts) text += std::string(modify->fix[i]->id) + " " + modify->fix[i]->style + "\n";
+  copy_message(text, names, size);
 }
 
 // Whether there is a fix of this id.

@@ -37,7 +37,7 @@ class Contacts:
     """Contacts of this rank; over all ranks each contact stands once.
 
     id: (M, 2) int64. type: (M, 2) int32. bonded: (M,) bool. normal_force: (M,) N, compression positive.
-    shear_force: (M, 3) N. overlap: (M,) m. point: (M, 3) m, the contact point.
+    shear_force: (M, 3) N. overlap: (M,) m. point: (M, 3) m, the contact point. energy: (M,) J, of its springs.
     """
 
     id: np.ndarray
@@ -47,16 +47,10 @@ class Contacts:
     shear_force: np.ndarray
     overlap: np.ndarray
     point: np.ndarray
+    energy: np.ndarray
 
     def __len__(self) -> int:
         return len(self.normal_force)
-
-    def energy(self, normal_stiffness: float, shear_stiffness: float) -> float:
-        """Energy of the springs, J; stiffnesses in N/m."""
-        normal = float(self.normal_force @ self.normal_force) / normal_stiffness
-        shear = float((self.shear_force**2).sum()) / shear_stiffness if shear_stiffness > 0.0 else 0.0
-        return 0.5 * (normal + shear)
-
 
 class Engine(Protocol):
     """A DEM engine on the ranks of a communicator."""
@@ -82,6 +76,9 @@ class Engine(Protocol):
 
     def require_fix(self, fix_id: str, line: str) -> None:
         """Raise InputError, naming the deck, if it defines no fix of this id; line: what to write."""
+
+    def acting_fixes(self) -> list[tuple[str, str]]:
+        """Ids and styles of the fixes that take part in each step: those that put forces on grains, or move them."""
 
     def variable(self, name: str) -> float:
         """Value of an equal-style variable of the deck."""

@@ -20,8 +20,10 @@ from coupling.native import library_path
 
 MESSAGE_BYTES = 4096
 #: Row lengths of poreslip_contacts and poreslip_take_breaks, see liggghts-inputs/styles/liggghts/poreslip_styles.h.
-CONTACT_COLUMNS, BREAK_COLUMNS = 13, 10
+CONTACT_COLUMNS, BREAK_COLUMNS = 14, 10
 RAISED_ON_ALL, RAISED_ON_ONE = 1, 2
+#: What poreslip_contacts returns for a contact model that it cannot read.
+NOT_LINEAR = -2
 #: `image` of a grain that has crossed no periodic boundary: 512 in each of three fields of ten bits.
 IN_THE_BOX = 512 << 20 | 512 << 10 | 512
 
@@ -117,6 +119,12 @@ class LiggghtsEngine:
             raise InputError(
                 f"the deck {self._deck} lets {still} of {self.total_grains} grains stand still whatever acts on them: no fix integrates their motion. Write "
                 "`fix move all nve/sphere` in it, and hold grains, where you want that, with fix freeze or fix setforce")
+
+    def acting_fixes(self) -> list[tuple[str, str]]:
+        names = ctypes.create_string_buffer(MESSAGE_BYTES)
+        self._library.poreslip_engine_acting_fixes(self._lmp, names, MESSAGE_BYTES)
+        pairs = (line.split(" ", 1) for line in names.value.decode(errors="replace").splitlines())
+        return [(fix_id, style) for fix_id, style in pairs]
 
     def require_fix(self, fix_id: str, line: str) -> None:
         """Raise InputError if the deck defines no fix of this id; line: what to write."""
@@ -220,11 +228,15 @@ class LiggghtsEngine:
         if count > len(buffer):
             self._contact_rows = buffer = np.empty((count + count // 4, CONTACT_COLUMNS))
             count = self._styles.poreslip_contacts(self._lmp, buffer.ctypes, len(buffer))
+        if count == NOT_LINEAR:
+            raise InputError(
+                f"the deck {self._deck} has contacts of a model that the driver cannot read forces of: it reads linear springs with a memory of their shear. Write "
+                "`pair_style gran model hooke/stiffness tangential history` (or `tangential bond`), with rolling friction or cohesion as you like")
         if count < 0:
             raise ComputationError("the contacts were asked for while the engine has no neighbour list: a run has to come first")
         rows = buffer[:count].copy()  # one copy in one piece: the fields are views of it
         ids, types = rows[:, 0:2].astype(np.int64), rows[:, 2:4].astype(np.int32)
-        return Contacts(ids, types, rows[:, 4] != 0, rows[:, 5], rows[:, 6:9], rows[:, 9], rows[:, 10:13])
+        return Contacts(ids, types, rows[:, 4] != 0, rows[:, 5], rows[:, 6:9], rows[:, 9], rows[:, 10:13], rows[:, 13])
 
     def take_breaks(self) -> np.ndarray:
         rows = np.empty((self._styles.poreslip_break_count(self._lmp), BREAK_COLUMNS))

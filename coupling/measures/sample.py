@@ -57,9 +57,8 @@ class SampleMeasures:
         strain = 1.0 - size / np.array([self._reference[name] for name in ("length", "depth", "height")])
         contacts, velocity = engine.contacts(), engine.atom("v")
         force = np.hypot(contacts.normal_force, np.linalg.norm(contacts.shear_force, axis=1))
-        stored = contacts.energy(self._case.normal_stiffness_N_per_m, self._case.shear_stiffness_N_per_m)
         moving = 0.5 * float(engine.atom("rmass") @ (velocity**2).sum(axis=1))
-        kinetic, total, count, stored, overlap = comm.allreduce(np.array([moving, force.sum(), len(force), stored, contacts.overlap.sum()]))
+        kinetic, total, count, stored, overlap = comm.allreduce(np.array([moving, force.sum(), len(force), contacts.energy.sum(), contacts.overlap.sum()]))
         largest = np.array([force.max(initial=0.0), contacts.overlap.max(initial=0.0)])
         comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
         row = dict.fromkeys(SAMPLE_COLUMNS, 0.0) | figures | {"step": engine.step, "time_s": time}
@@ -98,6 +97,10 @@ class SampleMeasures:
     def ending(self, row: dict[str, float]) -> str | None:
         """A sample is loaded to its end."""
         return None
+
+    def shortfall(self, row: dict[str, float]) -> str:
+        """Nothing of what a sample is loaded by is known beforehand."""
+        return ""
 
     def line(self, row: dict[str, float]) -> str:
         """What the progress line tells."""

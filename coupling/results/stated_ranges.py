@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 _SLOWER = "lower loading.strain_rate_per_s"
@@ -51,12 +51,15 @@ STATED_RANGES: dict[str, StatedRange] = {
 BALANCES = ("mass_residual", "remesh_mass_residual", "momentum_residual", "work_residual")
 
 
-def warnings(worst: Mapping[str, float], scene: str = "two_sides") -> list[str]:
-    """A sentence for each figure, at its worst in the run, that is outside of its range, or is no number."""
+def warnings(worst: Mapping[str, float], scene: str = "two_sides", uncounted: Sequence[str] = ()) -> list[str]:
+    """A sentence for each figure, at its worst in the run, that is outside of its range, or is no number. uncounted: fixes of the deck's own
+    whose work is in no balance."""
     said = []
     for name, stated in STATED_RANGES.items():
         # What is not a number is not within.
         if name in worst and not worst[name] <= stated.highest:
             advice = stated.advice.replace(_SLOWER, _SLOWER_IN.get(scene, _SLOWER))
+            if name == "energy_gain" and uncounted:
+                advice = f"this is the work of {', '.join(uncounted)}, which is not counted, or {advice}"
             said.append(f"{name} reached {worst[name]:.3g}, its range ends at {stated.highest:g}: {advice}")
     return said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -97,6 +98,32 @@ def test_a_relative_directory_starts_at_the_case_file(run_fault, tiny_case, own_
     assert "from my deck" in (run_fault(run="dry") / "log.liggghts").read_text()
 
 
+def test_forces_of_the_decks_own_do_work_that_is_not_taken_for_instability(poreslip, tiny_case, own_decks, stage_cache, tmp_path):
+    """Of all that the deck has, the two fixes that are not its own from the start are named."""
+    append(own_decks / "in.load", "fix push gouge addforce 0. 0. 5.", "fix weight all gravity 9.81 vector 0. 0. -1.", "fix mean all ave/time 10 1 10 f_x_left[1]")
+    command = ["run", tiny_case, "--only", "wet", "--out", tmp_path / "out", "--set", f"decks_directory={own_decks}"]
+    done = poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("this is the work of fix push (addforce), fix weight (gravity), which is not counted, or the motion is unstable") == 1, done.stdout
+
+
+def test_walls_of_the_decks_own_speed_are_told_of(run_fault, own_decks):
+    change(own_decks / "in.load", r"^fix_modify +x_left .*\n", "")
+    run = run_fault(f"decks_directory={own_decks}", "bonds.strength_mean_Pa=1e9", run="wet")
+    ended = json.loads((run / "report.json").read_text())["ended"]
+    assert ended.startswith("the end of loading, at a strain of 0.0001 where the case has 0.0002") and ended.endswith("reached 50 % of their targets")
+
+
+def test_energy_of_contacts_of_several_stiffnesses(run_fault, own_decks):
+    """Stiffer blocks: no energy comes from nothing."""
+    change(own_decks / "contacts.include", r"^fix +kn .*", "variable stiff equal 4*${kn}\n"
+           "fix kn all property/global kn peratomtypepair 3 ${stiff} ${kn} ${kn} ${kn} ${kn} ${kn} ${kn} ${kn} ${stiff}")  # fmt: skip
+    slow = ("loading.horizontal_strain=2e-5", "loading.strain_rate_per_s=0.2", "loading.time_step_fraction=0.25", "bonds.strength_mean_Pa=1e9")
+    run = run_fault(f"decks_directory={own_decks}", *slow, run="dry")
+    checks = json.loads((run / "report.json").read_text())["quasi_static_checks"]
+    assert checks["energy_gain"] < 1e-9, checks
+
+
 LOAD, STRESS, PACK = "in.load", "in.stress", "in.pack"
 #: What is done to which deck, and what the message then names.
 BAD = {
@@ -115,6 +142,13 @@ BAD = {
     "motion of the gouge alone": (LOAD, lambda d: append(d, "unfix move", "fix move gouge nve/sphere"), ["of 465 grains stand still", "fix freeze"]),
     "no motion in the stress": (STRESS, lambda d: change(d, r"^fix +move .*\n", ""), ["{deck} lets", "`fix move all nve/sphere`"]),
     "no motion in the pack": (PACK, lambda d: change(d, r"^fix +move .*\n", ""), ["{deck} lets", "stand still"]),
+    "no step": (LOAD, lambda d: append(d, "timestep 0."), ["{deck} sets a time step of 0 s", "above 0"]),
+    "quit": (LOAD, lambda d: append(d, "quit"), ["the deck ends the engine", "quit", "{deck}"]),
+    "other springs": (
+        PACK, lambda d: change(d.with_name("contacts.include"), "hooke/stiffness tangential .*", "hertz/stiffness tangential history"),
+        ["{deck} has contacts of a model that the driver cannot read forces of", "hooke/stiffness tangential history"]),
+    "no memory of the shear": (
+        PACK, lambda d: change(d.with_name("contacts.include"), r"tangential \$.tangential.", "tangential no_history"), ["{deck} has contacts of a model"]),
     "no such include": (LOAD, lambda d: append(d, "include ${inputs}/absent.include"), ["absent.include", "{deck}"]),
     "wrong servo": (LOAD, lambda d: append(d, "fix_modify x_left servo strain 1 area 1"), ["fix_modify x_left servo strain 1 area 1", "{deck}"]),
     "wrong damping": (LOAD, lambda d: append(d, "fix again all damping/local 1.5"), ["fix again all damping/local 1.5", "{deck}"]),
@@ -147,7 +181,7 @@ def test_bad_deck(failing_fault, own_decks, name):
 
 
 @pytest.mark.parallel
-@pytest.mark.parametrize("name", ["unknown fix", "no wall", "no motion", "no motion in the pack", "no such include", "wrong servo", "no pore force", "grains lost in loading", "no such deck"])
+@pytest.mark.parametrize("name", ["unknown fix", "no wall", "quit", "other springs", "no step", "no motion", "no motion in the pack", "no such include", "wrong servo", "no pore force", "grains lost in loading", "no such deck"])
 def test_bad_deck_on_two_ranks(failing_fault, own_decks, name):
     """A file that is not there is seen by the first rank alone, while the others wait in the engine: it ends them."""
     BAD[name][1](own_decks / BAD[name][0])

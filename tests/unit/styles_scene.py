@@ -141,9 +141,9 @@ class Scene:
         array[:] = np.asarray(values)[ids - 1]
 
     def contact_rows(self) -> np.ndarray:
-        """All contacts as rows of poreslip_contacts (M, 13), in the order of their ids."""
+        """All contacts as rows of poreslip_contacts (M, 14), in the order of their ids."""
         c = self.engine.contacts()
-        own = np.column_stack([c.id, c.type, c.bonded, c.normal_force, c.shear_force, c.overlap, c.point]).reshape(-1, 13)
+        own = np.column_stack([c.id, c.type, c.bonded, c.normal_force, c.shear_force, c.overlap, c.point, c.energy]).reshape(-1, 14)
         rows = np.concatenate(self.comm.allgather(own))
         return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
 

@@ -51,6 +51,13 @@ void for_each_pair(LAMMPS_NS::LAMMPS *lmp, PairGranProxy *pair, Visitor visit)
 
 }  // namespace
 
+bool contacts_are_linear(LAMMPS_NS::LAMMPS *lmp)
+{
+  auto *pair = dynamic_cast<PairGranProxy *>(lmp->force->pair);
+  return pair != nullptr && pair->contact_match("normal", "hooke/stiffness") &&
+         (pair->contact_match("tangential", "history") || pair->contact_match("tangential", "bond"));
+}
+
 long count_intact_bonds(LAMMPS_NS::LAMMPS *lmp)
 {
   PairGranProxy *pair = pair_with_list(lmp);
@@ -106,6 +113,8 @@ bool collect_contacts(LAMMPS_NS::LAMMPS *lmp, std::vector<ContactRow> &rows)
       row[contact_x + c] = xi[c] - arm * d[c];
     }
     row[contact_overlap] = overlap;
+    const double sheared = std::sqrt(shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]);
+    row[contact_energy] = laws::spring_energy(springs, row[contact_normal_force], springs.shear * sheared);
     rows.push_back(row);
   });
   return true;

@@ -84,6 +84,7 @@ long poreslip_count_bonds(void *lmp) { return poreslip::count_intact_bonds(stati
 int poreslip_contacts(void *lmp, double *out, int capacity)
 {
   static std::vector<poreslip::ContactRow> rows;
+  if (!poreslip::contacts_are_linear(static_cast<LAMMPS *>(lmp))) return -2;
   if (!poreslip::collect_contacts(static_cast<LAMMPS *>(lmp), rows)) return -1;
   const auto written = std::min(static_cast<std::ptrdiff_t>(std::max(capacity, 0)), std::ssize(rows));
   for (std::ptrdiff_t row = 0; row < written; ++row) out = std::copy(rows[row].begin(), rows[row].end(), out);

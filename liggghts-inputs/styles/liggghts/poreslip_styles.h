@@ -25,10 +25,10 @@ void poreslip_clear_breaks(void *lmp);
 /* Intact bonds counted on this rank; -1 before the first run or without tangential bond. */
 long poreslip_count_bonds(void *lmp);
 
-/* Contacts counted on this rank, out[capacity][13]: id_i, id_j (id_i < id_j), type_i, type_j, bonded (0 or
-   1), F_n (N, compression > 0), F_s x, y, z on grain id_i (N), overlap (m), contact point x, y, z (m). Spring
-   forces, without damping. Returns the number of contacts, -1 before the first run or after grains were
-   deleted. Valid right after a run. */
+/* Contacts counted on this rank, out[capacity][14]: id_i, id_j (id_i < id_j), type_i, type_j, bonded (0 or
+   1), F_n (N, compression > 0), F_s x, y, z on grain id_i (N), overlap (m), contact point x, y, z (m), elastic
+   energy (J). Spring forces, without damping. Returns the number of contacts, -1 before the first run or after grains
+   were deleted, -2 if the contact model is none of linear springs with a tangential history or bonds. Valid right after a run. */
 int poreslip_contacts(void *lmp, double *out, int capacity);
 
 /* fix wall/plane: the fluid's force on the plane (N, positive when it pushes the plane away from the
