@@ -150,13 +150,13 @@ class PoreFlow:
         if not np.isfinite(force).all():
             faults.append(f"body_force is {force}: expected finite numbers in Pa/m")
         self.network.agree(faults)
-        self.body_force, self._mesh = force, self.network.meshes
+        self.body_force = force
         self._native.refresh([float(f) for f in force])
 
     def _check(self, faults: Sequence[str] = ()) -> None:
         """Raise InputError on all ranks for a fault on any, or where this flow is that of pores which there are no more."""
-        other = ["the network was meshed anew since the flow was last refreshed: call refresh() after each update"] if self._mesh != self.network.meshes else []
-        self.network.agree([*other, *faults])
+        self._native.require_current()
+        self.network.agree(faults)
 
     @property
     def conductance(self) -> NDArray[np.float64]:

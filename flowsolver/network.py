@@ -85,8 +85,6 @@ class PoreNetwork:
             comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], float(trusted_displacement)
         )
         self.comm = comm
-        self.meshes = 0
-        """How many meshes there were, made anew or repaired: with another one pores are other ones."""
         self.periodic = tuple(bool(p) for p in periodic)
         self.lengths = box[1] - box[0]
         self._faces = np.stack(box, axis=1).reshape(1, 6)
@@ -141,7 +139,6 @@ class PoreNetwork:
             faults.append("wall_position has no rows: expected one for each group of grains")
         self.agree(faults)
         outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
-        self.meshes += outcome != "kept"
         # A copy, for the caller's may be an engine's own memory.
         self._radius, self._planes = radii.copy(), planes.copy()
         return outcome

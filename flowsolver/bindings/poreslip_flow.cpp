@@ -93,6 +93,7 @@ NB_MODULE(poreslip_flow, m) {
       .def(
           "refresh", [](PoreFlow& self, std::array<double, 3> body_force) { self.refresh(body_force.data()); },
           nb::arg("body_force"), "Take up the network's present geometry. body_force (3,), Pa/m.")
+      .def("require_current", &PoreFlow::require_current, "InputError if the network has another mesh than at the last refresh; the same on all ranks.")
       .def(
           "set_conductance", [](PoreFlow& self, In<double> c) { self.set_conductance(c.data()); }, nb::arg("conductance"),
           "(t,) float64, m^3/(Pa s): C/l of the throats this rank owns, in place of the law's.")

@@ -7,6 +7,7 @@
 namespace poreslip::flow {
 
 void PoreFlow::outflow(const double* pressure, double* flow) {
+  require_current();
   const Mesh& mesh = network_.mesh();
   std::fill_n(flow, network_.pores(), 0.0);
   for (std::size_t f = 0; f < throats_.conductance.size(); ++f) {
@@ -20,6 +21,7 @@ void PoreFlow::outflow(const double* pressure, double* flow) {
 }
 
 Balance PoreFlow::balance(const Conditions& conditions, const double* pressure, const double* change, double* supply) {
+  require_current();
   outflow(pressure, supply);
   double sums[3] = {0.0, 0.0, 0.0};
   for (std::size_t c = 0; c < network_.pores(); ++c) {
@@ -39,6 +41,7 @@ Balance PoreFlow::balance(const Conditions& conditions, const double* pressure, 
 }
 
 Driven PoreFlow::driven(const double* pressure, const double* change) const {
+  require_current();
   const Mesh& mesh = network_.mesh();
   double sums[2] = {0.0, 0.0};
   for (std::size_t f = 0; f < throats_.conductance.size(); ++f) {

@@ -16,6 +16,7 @@ double elapsed(double since) { return MPI_Wtime() - since; }
 
 SolveReport PoreFlow::step_explicit(const Conditions& conditions, double dt, double limit_share, std::int64_t most_substeps,
                                     double* pressure, double* flowing) {
+  require_current();
   SolveReport report{};
   const double clock = MPI_Wtime();
   const Mesh& mesh = network_.mesh();

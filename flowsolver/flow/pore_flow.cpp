@@ -7,6 +7,7 @@
 #include "flow/rows.hpp"
 #include "flow/sum.hpp"
 #include "tessellation/agreement.hpp"
+#include "tessellation/errors.hpp"
 
 namespace poreslip::flow {
 namespace {
@@ -35,6 +36,11 @@ void PoreFlow::refresh(const double* body_force) {
   assembled_dt_ = -1.0;
   storage_ = storage(network_, fluid_, limiter_, limited_pores_);
   network_.exchange();
+}
+
+void PoreFlow::require_current() const {
+  if (mesh_followed_ != network_.mesh_number())
+    throw InputError("the network was meshed anew since the flow was last refreshed: call refresh() after each update");
 }
 
 // Where the preconditioner's unknowns are in the present mesh.
@@ -115,6 +121,7 @@ void PoreFlow::report_divergence(const SolveReport& report) const {
 }
 
 SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double relative_tolerance, double* pressure) {
+  require_current();
   SolveReport report{};
   double clock = MPI_Wtime();
   const std::size_t n = network_.pores();

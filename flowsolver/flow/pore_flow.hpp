@@ -52,6 +52,9 @@ class PoreFlow {
   // Collective. Takes up the network's present geometry. body_force (3), Pa/m.
   void refresh(const double* body_force);
 
+  // Throws InputError if the network has another mesh than at the last refresh; so do all methods that need it. The same on all ranks.
+  void require_current() const;
+
   // Collective. Sets C / l of the throats that this rank owns instead (for comparison with other codes), m^3/(Pa s).
   void set_conductance(const double* conductance);
   std::vector<double> conductance() const;

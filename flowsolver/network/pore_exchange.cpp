@@ -79,7 +79,7 @@ void PoreExchange::build(MPI_Comm comm, const Mesh& mesh, const LocalGrains& gra
     if (source_[k] < 0)
       fault = "two copies of the mesh differ at the cell that has grain " +
               std::to_string(std::max_element(asked[k].item.begin(), asked[k].item.end())->id) +
-              ": grains there are cospherical to the last digit; move one by a billionth of its radius";
+              ": grains there are cospherical, with a wall or among themselves; move one, or the wall, by a hundred-thousandth of the box";
   }
   agree_on_computation(comm, fault);
   std::vector<std::int32_t> found(copies);

@@ -21,7 +21,7 @@ struct Domain {
 struct WallSpheres {
   std::array<bool, 6> present;
   std::array<std::array<double, 3>, 6> centre;  // m
-  std::array<double, 6> plane;                  // position along its axis, outermost over the groups, m
+  std::array<double, 6> plane;                  // position along its axis for the triangulation, outermost over the groups, m
   double radius;                                // m, a power of two
 };
 

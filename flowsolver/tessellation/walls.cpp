@@ -4,6 +4,14 @@
 #include "tessellation/domain.hpp"
 
 namespace poreslip {
+namespace {
+
+// Of the longest side: by so much the triangulation's walls lie outside where there are periods too. Grains whose sphere has its centre in a
+// wall, as in lattices with their walls between two layers, are a tie which the wall sphere's curvature would break otherwise in each periodic
+// copy. Their sphere about a point this far out, twenty times as far as the curvature moves it, makes a choice that is the same in all.
+constexpr double step_aside = 1.3e-6;
+
+}  // namespace
 
 WallSpheres make_wall_spheres(const Domain& domain, const std::vector<double>& wall_position) {
   WallSpheres walls;
@@ -27,6 +35,7 @@ WallSpheres make_wall_spheres(const Domain& domain, const std::vector<double>& w
   const bool mixed = domain.periodic[0] || domain.periodic[1] || domain.periodic[2];
   walls.radius = std::ldexp(1.0, std::ilogb(longest) + (mixed ? 26 : 20));
   for (int w = 0; w < 6; ++w) {
+    if (mixed && walls.present[w]) walls.plane[w] += (w % 2 == 0 ? -step_aside : step_aside) * longest;
     for (int d = 0; d < 3; ++d) walls.centre[w][d] = 0.5 * (lower[d] + upper[d]);
     walls.centre[w][w / 2] = walls.plane[w] + (w % 2 == 0 ? -walls.radius : walls.radius);
   }

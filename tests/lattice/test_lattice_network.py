@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -106,3 +108,35 @@ def test_bcc_closed_form_by_the_flow_solver():
     darcy = (flow.conductance * (result.pressure[left] - result.pressure[right] + step) * step).sum() / 27
     area, perimeter = np.sqrt(2) / 4 - 3 * np.pi / 32, np.pi * d / 2 + 1 - d
     assert darcy == pytest.approx(8 * 3 * area**3 / (5 * perimeter**2) * np.sqrt(2) / 4, rel=1e-10)
+
+
+def along_each_axis(cells: tuple[int, int, int], periodic: tuple[bool, bool, bool], law: str) -> list[float]:
+    """k along x, y and z of touching BCC in a box of these cells, whose walls lie halfway between two layers."""
+    from flowsolver.flow import Boundary, PoreFlow
+    from flowsolver.network import FACES
+
+    x = (np.indices(cells).reshape(3, -1).T[:, None, :] + np.array(BCC) + 0.25).reshape(-1, 3)
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, cells, periodic)
+    net.update(np.arange(len(x)), x, np.full(len(x), np.sqrt(3) / 4))
+    flow, found = PoreFlow(net, viscosity=1.0, conductance=law), []
+    for axis, length in enumerate(cells):
+        if periodic[axis]:
+            flow.refresh(np.eye(3)[axis])
+            found.append(flow.darcy_velocity(flow.steady(Boundary()).pressure)[axis])
+        else:
+            flow.refresh()
+            low, high = FACES[2 * axis : 2 * axis + 2]
+            found.append(flow.steady(Boundary(pressure={low: 1.0, high: 0.0})).outflow[high] * length**2 / np.prod(cells))
+    return found
+
+
+@pytest.mark.parametrize("law", ["duct", "hydraulic-radius"])
+@pytest.mark.parametrize("periodic", [p for p in itertools.product((True, False), repeat=3) if any(p)])
+def test_one_cell_is_as_good_as_several_along_a_period(periodic, law):
+    """With any mix of walls and periods: at walls that grains' spheres are centred in, which no copy of a cell may take otherwise than the others."""
+    one, several = (along_each_axis(tuple(n if p else 1 for p in periodic), periodic, law) for n in (1, 3))
+    np.testing.assert_allclose(several, one, rtol=1e-9)
+    # and alike along all walls, and along all periods
+    for kind in (True, False):
+        alike = [k for k, p in zip(one, periodic) if p is kind]
+        np.testing.assert_allclose(alike, alike[:1] * len(alike), rtol=1e-9)
