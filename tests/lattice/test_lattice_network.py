@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from flowsolver import PoreNetwork
+from flowsolver import ComputationError, PoreNetwork
 
 SC = [[0, 0, 0]]
 BCC = [[0, 0, 0], [0.5, 0.5, 0.5]]
@@ -140,3 +140,19 @@ def test_one_cell_is_as_good_as_several_along_a_period(periodic, law):
     for kind in (True, False):
         alike = [k for k, p in zip(one, periodic) if p is kind]
         np.testing.assert_allclose(alike, alike[:1] * len(alike), rtol=1e-9)
+
+
+def test_a_tie_that_copies_break_otherwise_is_refused_with_what_helps():
+    """Walls by as much further in as the triangulation takes them further out: the grains' spheres are centred in its walls."""
+    from flowsolver.flow import PoreFlow
+
+    x, further_in = lattice(BCC, 1), 1.3e-6
+
+    def made(further_in: float) -> PoreFlow:
+        net = PoreNetwork(MPI.COMM_SELF, [further_in, 0, 0], [1 - further_in, 1, 1], (False, True, True))
+        net.update(np.arange(2), x, np.full(2, np.sqrt(3) / 4))
+        return PoreFlow(net, viscosity=1.0)
+
+    with pytest.raises(ComputationError, match="cospherical, .* move one, or the wall, by a hundred-thousandth of the box"):
+        made(further_in)
+    made(further_in + 1e-5)
