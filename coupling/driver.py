@@ -81,7 +81,8 @@ class Run:
         output = None
         with raised_together(comm):
             output = RunOutput(self.directory, comm, self._measures.columns(case), state["tables"] if state else None)
-        output.json("case.json", case.to_dict())
+        with raised_together(comm):
+            output.json("case.json", case.to_dict())
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.
         engine = LiggghtsEngine(comm, self.directory / (f"log-from-{state['step']}.liggghts" if state else "log.liggghts"))
         with self.phases.timed("engine"):

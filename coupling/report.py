@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coupling.case.run_case import RunCase
+from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.loading import Ending, Loading
 from coupling.results.output import RunOutput
@@ -30,26 +31,34 @@ def write_report(
     case: RunCase, comm, output: RunOutput, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases
 ) -> None:  # fmt: skip
     """Write report.json and report.md, and print the warnings once; collective."""
-    peak = comm.gather(peak_memory_bytes())
-    times = comm.gather(phases.to_dict())
+    peak, times = comm.gather(peak_memory_bytes()), comm.gather(phases.to_dict())
     network, meshes = comm.gather(flow.report()), flow.meshes
-    if comm.rank:
-        return
+    report = _content(case, stage, state, loading, flow, engine, ending, phases, peak, times, network, meshes) if comm.rank == 0 else None
+    with raised_together(comm):
+        if report is not None:
+            output.json("report.json", _plain(report))
+            output.text("report.md", page(case, report))
+    for warning in report["warnings"] if report is not None else ():
+        print(f"{case.name}  warning: {warning}", flush=True)
+
+
+def _content(case: RunCase, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases, peak: list, times: list, network: list,
+             meshes: dict) -> dict:  # fmt: skip
+    """What report.json holds. peak, times, network: of all ranks."""
     steps = engine.step
-    said = warnings(loading.worst, case.scene, loading.uncounted)
-    report = {
+    return {
         "run": case.name,
         "ended": ending.reason,
         "complete": ending.complete,
         "grains": engine.total_grains,
         "steps": steps,
-        "ranks": comm.size,
+        "ranks": len(times),
         "restarted_at_steps": phases.restarts,
         "wall_s": phases.wall_s,
         **speeds(times, steps * engine.total_grains),
         "cpu_s_by_phase_and_rank": times,
         "peak_memory_bytes_by_rank": peak,
-        "warnings": said,
+        "warnings": warnings(loading.worst, case.scene, loading.uncounted),
         "quasi_static_checks": loading.worst,
         "balances": {name: {"worst": loading.worst[name], "final": flow.final.get(name, 0.0)} for name in BALANCES if name in loading.worst},
         **{name: loading.worst[name] for name in flow.residuals},
@@ -65,10 +74,6 @@ def write_report(
         "pore_network_by_rank": network,
         "last": loading.last,
     }
-    output.json("report.json", _plain(report))
-    output.text("report.md", page(case, report))
-    for warning in said:
-        print(f"{case.name}  warning: {warning}", flush=True)
 
 
 def interpretations(case: RunCase) -> dict[str, object]:

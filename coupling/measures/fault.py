@@ -107,7 +107,10 @@ class Measures:
         """Figures of a line whose largest values tell how nearly static the run was."""
         left, right = row["sigma_h_left_Pa"], row["sigma_h_right_Pa"]
         names = ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "loading_rate", "kinetic_energy_J")
-        return {name: row[name] for name in names} | {"wall_stress_difference": 2 * abs(left - right) / max(abs(left + right), 1e-300)}
+        held = {"supplement": (left, right)}.get(self._case.scene, (row["sigma_v_Pa"],))
+        wanted = self._case.initial_stress_Pa
+        return {name: row[name] for name in names} | {
+            "wall_stress_difference": 2 * abs(left - right) / max(abs(left + right), 1e-300), "held_stress_error": max(abs(stress / wanted - 1.0) for stress in held)}
 
     def ending(self, row: dict[str, float]) -> str | None:
         """Why the run is over after this line; None if it is not."""

@@ -30,6 +30,8 @@ class SampleMeasures:
 
     def __init__(self, case: RunCase, fault: FaultGeometry, walls: SceneWalls, reference: dict[str, float]):
         self._case, self._walls, self._reference = case, walls, reference
+        motions = {name: case.sample.motion(name) for name in PACK}
+        self._held = [(name[0], stress) for name, (kind, stress) in motions.items() if kind == "stress"]
         self._driven = tuple(name for name in PACK if case.sample.motion(name)[0] == "speed")
 
     def resume(self, previous: None) -> None:
@@ -92,7 +94,18 @@ class SampleMeasures:
 
     def quality(self, row: dict[str, float]) -> dict[str, float]:
         """Figures of a line whose largest values tell how nearly static the run was."""
-        return {name: row[name] for name in ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "loading_rate", "kinetic_energy_J")}
+        figures = {name: row[name] for name in ("unbalanced_force_ratio", "overlap_max_over_d", "inertial_number", "loading_rate", "kinetic_energy_J")}
+        return figures | ({"held_stress_error": self._held_stress_error(row)} if self._held else {})
+
+    def _held_stress_error(self, row: dict[str, float]) -> float:
+        """By how much the stresses that walls hold are off where those walls are to have them by now, over the larger of theirs and the initial one."""
+        sample = self._case.sample
+        ramped = min(1.0, row["time_s"] / sample.ramp_time_s)
+        errors = []
+        for axis, last in self._held:
+            wanted = sample.initial_stress_Pa + (last - sample.initial_stress_Pa) * ramped
+            errors.append(abs(row[f"sigma_{axis}_Pa"] - wanted) / max(abs(wanted), sample.initial_stress_Pa))
+        return max(errors)
 
     def ending(self, row: dict[str, float]) -> str | None:
         """A sample is loaded to its end."""

@@ -13,7 +13,7 @@ import numpy as np
 from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
 from coupling.engine.interface import Engine
-from coupling.errors import InputError
+from coupling.errors import InputError, of_file
 
 FORMAT = 4
 PREFIX = "checkpoint-"
@@ -45,7 +45,7 @@ def write(directory: Path, engine: Engine, comm, state: dict, arrays: dict[str, 
     comm.Barrier()
     engine.write_restart(partial / ENGINE_FILE)
     comm.Barrier()
-    with raised_together(comm):
+    with raised_together(comm), of_file(final):
         if comm.rank == 0:
             restart = partial / ENGINE_FILE
             state = state | {"format": FORMAT, "engine_sha256": _digest(restart), "engine_bytes": restart.stat().st_size}

@@ -9,7 +9,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from coupling.collective import raised_together
 from coupling.engine.interface import Engine
+from coupling.errors import of_file
 
 
 class Snapshots:
@@ -54,10 +56,14 @@ class Snapshots:
         }
         contacts = engine.contacts()
         parts = self._comm.gather((position, grains, contacts, pressure), root=0)
-        if parts is None:
-            return
+        with raised_together(self._comm):
+            if parts is not None:
+                self._write(engine.step, strain, parts)
+
+    def _write(self, step: int, strain: float, parts: list) -> None:
+        """Write what all ranks hold; on rank 0."""
         position = np.concatenate([part[0] for part in parts])
-        grains = {name: np.concatenate([part[1][name] for part in parts]) for name in grains}
+        grains = {name: np.concatenate([part[1][name] for part in parts]) for name in parts[0][1]}
         order = np.argsort(grains["id"])
         position, grains = position[order], {name: values[order] for name, values in grains.items()}
         pressure_id, pressure = (np.concatenate([part[3][column] for part in parts]) for column in (0, 1))
@@ -69,7 +75,7 @@ class Snapshots:
 
         ends = np.searchsorted(grains["id"], joined("id"))
         grains["coordination"] = np.bincount(ends.ravel(), minlength=len(position)).astype(np.int32)
-        names = f"grains_{engine.step}.vtu", f"contacts_{engine.step}.vtu"
+        names = f"grains_{step}.vtu", f"contacts_{step}.vtu"
         self._save(names[0], position, [("vertex", np.arange(len(position))[:, None])], point_data=grains)
         start, point = position[ends[:, 0]], joined("point")
         # Both ends on the contact's own side of a periodic boundary.
@@ -82,17 +88,18 @@ class Snapshots:
                 "force_normal_N": [joined("normal_force")], "force_shear_N": [np.linalg.norm(joined("shear_force"), axis=1)],
                 "bonded": [joined("bonded").astype(np.int8)], "type_i": [kinds[:, 0].copy()], "type_j": [kinds[:, 1].copy()],
             })  # fmt: skip
-        self._rows.append({"step": engine.step, "strain": f"{strain:.10g}", "grains": names[0], "contacts": names[1]})
+        self._rows.append({"step": step, "strain": f"{strain:.10g}", "grains": names[0], "contacts": names[1]})
         self._save_index()
 
     def _save(self, name: str, points: np.ndarray, cells, **data) -> None:
         partial = self._directory / f"partial_{name}"
-        meshio.Mesh(points, cells, **data).write(partial)
+        with of_file(self._directory / name):
+            meshio.Mesh(points, cells, **data).write(partial)
         os.replace(partial, self._directory / name)
 
     def _save_index(self) -> None:
         partial = self._index.with_suffix(".partial")
-        with open(partial, "w", newline="") as file:
+        with of_file(self._index), open(partial, "w", newline="") as file:
             table = csv.DictWriter(file, ["step", "strain", "grains", "contacts"], lineterminator="\n")
             table.writeheader()
             table.writerows(self._rows)

@@ -32,6 +32,10 @@ STATED_RANGES: dict[str, StatedRange] = {
         5e-2, "way of a driven wall in a step over the mean overlap of contacts", f"a wall outruns the contact forces: {_SLOWER}"),
     "wall_stress_difference": StatedRange(
         0.1, "difference of the stresses on the left and the right wall over their mean", f"the walls do not bear the same stress: {_SLOWER}"),
+    "held_stress_error": StatedRange(
+        0.1, "difference of a stress that walls hold from the one asked for, over the latter",
+        "walls do not hold their stress: the grains give way faster than the walls may follow (wall_speed_limited_steps in report.json), as they do once a fault has "
+        f"failed, or the load rises as fast as a wave: {_SLOWER}"),
     "overlap_max_over_d": StatedRange(
         2e-2, "largest overlap over the mean diameter", "grains overlap by more than 2 % of d: raise material.modulus_Pa, or lower the stress"),
     "energy_gain": StatedRange(

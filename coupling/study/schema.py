@@ -304,7 +304,7 @@ def _argument_problems(kind: str, name: str, known: dict[str, Callable], argumen
     for key, value in arguments.items():
         if key not in taken:
             yield f"the {kind} {name} has no argument {key}{nearest(key, taken)}; its arguments: {', '.join(taken) or 'none'}"
-        elif (wanted := taken[key].annotation) in ("float", "str") and not _is(value, wanted):
+        elif (wanted := taken[key].annotation.removesuffix(" | None")) in ("float", "str") and not _is(value, wanted):
             yield f"{key} = {value!r} in the arguments of {name}: allowed is {_ALLOWED[wanted]}"
         elif wanted.startswith("Mapping") and not (isinstance(value, dict) and len(value) == 1 and all(_is(one, "float") for one in value.values())):
             yield f"{key} = {value!r} in the arguments of {name}: allowed is one column and its value, {{ column = value }}"

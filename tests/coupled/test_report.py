@@ -10,6 +10,8 @@ from processes import the_message
 from sample_runs import SQUEEZE
 from tiny_fault import history, settings
 
+from coupling.stability.small_cases import SAMPLE
+
 #: Compressed at a few per cent of the tiny fault's own rate, over a small strain.
 SLOW = ("loading.horizontal_strain=2e-5", "loading.strain_rate_per_s=0.2")
 
@@ -46,7 +48,7 @@ def test_a_slow_run_is_quasi_static(start, tmp_path):
     assert report["warnings"] == []
     checks = report["quasi_static_checks"]
     assert 0.0 < checks["unbalanced_force_ratio"] < 2e-2
-    assert 0.0 < checks["wall_stress_difference"] < 2e-2
+    assert 0.0 < checks["wall_stress_difference"] < 2e-2 and 0.0 < checks["held_stress_error"] < 2e-2
     assert 0.0 < checks["inertial_number"] < 1e-3
     assert 0.0 < checks["overlap_max_over_d"] < 1e-2
     assert 0.0 < checks["loading_rate"] < 2e-2
@@ -138,3 +140,26 @@ def test_blocks_that_part_end_the_run(run_fault):
     assert report["complete"] is True and "the blocks part" in report["ended"]
     rows = history(run)
     assert (rows["vertical_strain"][:-1] < 1e-3).all() and rows["vertical_strain"][-1] >= 1e-3
+    # The plates do not keep up with them, and the report says so.
+    off = abs(rows["sigma_v_Pa"] / 1e7 - 1.0).max()
+    assert report["quasi_static_checks"]["held_stress_error"] == pytest.approx(off, rel=1e-6) and off > 0.1
+    assert [warning.split()[0] for warning in report["warnings"]].count("held_stress_error") == 1
+
+
+def test_a_sample_tells_how_well_its_walls_hold_their_stress(poreslip, tmp_path, stage_cache):
+    (tmp_path / "sample.toml").write_text(SAMPLE)
+    done = poreslip("run", tmp_path / "sample.toml", "--out", tmp_path / "out", env={"PORESLIP_CACHE": str(stage_cache)})
+    assert done.returncode == 0, done.stderr
+    run = tmp_path / "out" / "sample" / "run"
+    rows, report = history(run), json.loads((run / "report.json").read_text())
+    wanted = 1e7 + 1e6 * np.minimum(rows["time_s"] / 2e-5, 1.0)
+    assert report["quasi_static_checks"]["held_stress_error"] == pytest.approx(abs(rows["sigma_z_Pa"] / wanted - 1.0).max(), rel=1e-6)
+    assert report["warnings"] == []
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("name", ["snapshots/partial_grains_0.vtu", "snapshots/index.partial", "report.md.partial"])
+def test_what_the_first_rank_cannot_write_ends_all_ranks(start, tmp_path, name):
+    (tmp_path / "out" / "tiny" / "dry" / name).mkdir(parents=True)
+    message = the_message(start("--only", "dry", *settings("output.snapshots=1"), ranks=2), 2)
+    assert name in message and "the disk has room" in message
