@@ -95,7 +95,7 @@ class TwoWayCoupling:
 
     @property
     def pressure(self) -> NDArray[np.float64]:
-        """(m,) float64, Pa, local: the present pressures."""
+        """(m,) float64, Pa: the present pressures."""
         return self._response.pressure() if self._begun else self._at_start
 
     @property

@@ -305,9 +305,9 @@ NB_MODULE(poreslip_network, m) {
           "Forces of the present pressures: (n, 3) N in the order of the last step, and (G, 6) N, outward.")
       .def_prop_ro("seconds", &PoreResponse::seconds, "s that all steps took on this rank (local).")
       .def_prop_ro("elapsed", &PoreResponse::elapsed, "s, since the interval began (local).")
-      .def("pressure", [](const PoreResponse& self) { return to_array(self.pressure()); }, "(m,) float64, Pa, local.")
+      .def("pressure", [](const PoreResponse& self) { return to_array(self.pressure()); }, "(m,) float64, Pa, of all pores that this rank sees.")
       .def("swept", [](const PoreResponse& self) { return to_array(self.swept()); },
-           "(m,) float64, m^3, local: volume that each pore gained since the interval began.")
+           "(m,) float64, m^3, of the same: volume that each gained since the interval began.")
       .def("work", [](const PoreResponse& self) { return self.work(); },
            "J, of this rank: done on grains and walls, given by the fluid, sum of the sizes of the first's terms.")
       .def_prop_ro(

@@ -10,18 +10,20 @@ struct Member {
   Four gradient;
 };
 
-// Calls visit(cell, members) for all cells: the bodies that its volume depends on, and dV/dx.
+// Calls visit(cell, members) for all cells that count: the bodies that its volume depends on, and dV/dx.
 template <class Visit>
-void for_each_cell(const CellGradients& cells, const std::vector<Roof>& roofs, std::int32_t wall, Visit visit) {
+void for_each_cell(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, std::int32_t wall, Visit visit) {
   std::vector<Member> members;
   auto roof = roofs.begin();
   for (std::size_t c = 0; c < cells.grain.size(); ++c) {
+    if (!counted[c]) continue;
     std::array<Four, 4> gradient;
     for (int k = 0; k < 3; ++k) gradient[k] = load(&cells.gradient[9 * c + 3 * k]);
     gradient[3] = -(gradient[0] + gradient[1] + gradient[2]);
     members.clear();
     for (int k = 0; k < 4; ++k)
       if (cells.grain[c][k] != wall) members.push_back({cells.grain[c][k], gradient[k]});
+    while (roof != roofs.end() && roof->cell < c) ++roof;
     for (; roof != roofs.end() && roof->cell == c; ++roof) {
       const Four area{roof->area, 0.0, 0.0, 0.0};
       const auto same = std::find_if(members.begin(), members.end(), [&](const Member& m) { return m.body == roof->body; });
@@ -41,14 +43,14 @@ inline std::array<Four, 3> components(const Four& a, const Four& b, const Four& 
 
 }  // namespace
 
-void ResponseMatrix::connect(const CellGradients& cells, const std::vector<Roof>& roofs, std::size_t bodies, std::int32_t wall) {
+void ResponseMatrix::connect(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, std::size_t bodies, std::int32_t wall) {
   wall_ = wall;
   struct Pair {
     std::int32_t first, second;
   };
   std::vector<Pair> pairs;
   pairs.reserve(6 * cells.grain.size());
-  for_each_cell(cells, roofs, wall, [&](std::size_t, const std::vector<Member>& members) {
+  for_each_cell(cells, counted, roofs, wall, [&](std::size_t, const std::vector<Member>& members) {
     for (std::size_t k = 0; k < members.size(); ++k)
       for (std::size_t l = k + 1; l < members.size(); ++l) pairs.push_back({members[k].body, members[l].body});
   });
@@ -103,11 +105,11 @@ void ResponseMatrix::connect(const CellGradients& cells, const std::vector<Roof>
   own_.resize(9 * bodies + 1);
 }
 
-void ResponseMatrix::assemble(const CellGradients& cells, const std::vector<Roof>& roofs, const double* stiffness) {
+void ResponseMatrix::assemble(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, const double* stiffness) {
   for (Pack& pack : pack_) pack.block.fill(Four{});
   std::fill(own_.begin(), own_.end(), 0.0);
   auto place = place_.begin();
-  for_each_cell(cells, roofs, wall_, [&](std::size_t c, const std::vector<Member>& members) {
+  for_each_cell(cells, counted, roofs, wall_, [&](std::size_t c, const std::vector<Member>& members) {
     for (std::size_t k = 0; k < members.size(); ++k) {
       const Four g = members[k].gradient, pushed = -stiffness[c] * g;
       double* const own = &own_[9 * static_cast<std::size_t>(members[k].body)];

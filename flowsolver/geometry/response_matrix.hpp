@@ -23,11 +23,12 @@ struct Roof {
 // Bodies are what moves, grains first.
 class ResponseMatrix {
  public:
-  // Finds K's blocks. roofs: by cells, ascending. A vertex that is a wall is listed in cells.grain as the body `wall`, which has none.
-  void connect(const CellGradients& cells, const std::vector<Roof>& roofs, std::size_t bodies, std::int32_t wall);
+  // Finds K's blocks. counted (cells): those that enter the sum. roofs: by cells, ascending. A vertex that is a wall is listed in cells.grain as
+  // the body `wall`, which has none.
+  void connect(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, std::size_t bodies, std::int32_t wall);
 
   // Sets K for the same cells and roofs, whose gradients and areas may have changed. stiffness (cells): s, Pa/m^3.
-  void assemble(const CellGradients& cells, const std::vector<Roof>& roofs, const double* stiffness);
+  void assemble(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, const double* stiffness);
 
   // -K_ii u_i, N, of one body. A displacement u, m, has 0 in its last component; that of a force means nothing.
   Four own(std::size_t body, const Four& displacement) const {

@@ -14,6 +14,9 @@ namespace {
 using geometry::ForceLaw;
 using geometry::Four;
 
+// Grains.
+constexpr std::size_t ahead = 24;
+
 using Gradients = std::vector<std::array<Four, 4>>;  // dV_c/dx of the four vertices of each cell; 0 for walls
 
 std::uint8_t corner_of(const Mesh& mesh, std::size_t cell, Vertex grain) {
@@ -67,33 +70,40 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   directory_ = network_.directory();
   id_.clear();
   take_gradients(law);
+  by_matrix_ = law == ForceLaw::total;
   take_order(directory_.input_size(), nullptr);
-  displacement_.assign(network_.local_grains().size() + 1, Four{});
+  way_.assign(network_.local_grains().size() + 1, Four{});
   wall_before_.assign(6 * network_.groups(), 0.0);
   gained_.resize(pores);
-  if (alone_) begin_alone();
-  force_.resize(displacement_.size());
+  if (by_matrix_) begin_by_matrix();
+  force_.resize(way_.size());
   sum_roofs(start_, wall_before_.data());
   begun_ = true;
 }
 
-void PoreResponse::begin_alone() {
-  const std::size_t grains = network_.local_grains().size(), entries = wall_before_.size();
+void PoreResponse::begin_by_matrix() {
+  const LocalGrains& local = network_.local_grains();
+  const std::size_t grains = local.size(), entries = wall_before_.size();
   displacement_.assign(grains + 1 + entries, Four{});
   way_ = moment_ = displacement_;
+  int rank = 0;
+  MPI_Comm_rank(network_.communicator(), &rank);
+  // What a rank knows of all at once, without what matrices of other ranks will add: forces on its own grains; on walls, once over all ranks.
   const auto forces_of = [&](const std::vector<double>& pressure, std::vector<Four>& force) {
     force.assign(displacement_.size(), Four{});
     push(pressure, force);
+    for (std::size_t i = 0; i < grains; ++i)
+      if (local.source[i] < 0) force[i] = Four{};
     std::vector<double> on_walls(entries);
     sum_roofs(pressure, on_walls.data());
-    for (std::size_t e = 0; e < entries; ++e) force[grains + 1 + e][0] = on_walls[e];
+    for (std::size_t e = 0; rank == 0 && e < entries; ++e) force[grains + 1 + e][0] = on_walls[e];
   };
   forces_of(start_, first_);
   forces_of(drift_, drifting_);
   const auto at_rest = static_cast<std::int32_t>(grains);
-  if (connected_ != network_.mesh_number()) matrix_.connect(volume_, roof_, displacement_.size(), at_rest);
+  if (connected_ != network_.mesh_number()) matrix_.connect(volume_, network_.owned(), roof_, displacement_.size(), at_rest);
   connected_ = network_.mesh_number();
-  matrix_.assemble(volume_, roof_, stiffness_.data());
+  matrix_.assemble(volume_, network_.owned(), roof_, stiffness_.data());
 }
 
 // Which vertices of their cells the grains of triangles are: the same until the mesh changes.
@@ -174,7 +184,7 @@ void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
   int ranks = 1;
   MPI_Comm_size(network_.communicator(), &ranks);
   // Without other ranks there are no strays, and images only where there are periods.
-  alone_ = ranks == 1 && push_.empty() && std::all_of(local.source.begin(), local.source.end(), [](std::int32_t s) { return s >= 0; });
+  alone_ = ranks == 1 && by_matrix_ && std::all_of(local.source.begin(), local.source.end(), [](std::int32_t s) { return s >= 0; });
   if (!alone_) return;
   std::vector<std::int32_t> input_of_own(count);
   for (std::size_t i = 0; i < count; ++i) input_of_own[directory_.own_of_input(i)] = static_cast<std::int32_t>(i);
@@ -182,7 +192,7 @@ void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
   for (std::size_t i = 0; i < local.size(); ++i) input_of_local_[i] = input_of_own[local.source[i]];
 }
 
-// Displacements of all local grains in a step from the velocities of the caller's.
+// Ways of all local grains in a step from the velocities of the caller's.
 void PoreResponse::spread(double dt, const double* velocity) {
   const LocalGrains& local = network_.local_grains();
   std::vector<std::array<double, 3>> own(network_.own_grains());
@@ -191,16 +201,21 @@ void PoreResponse::spread(double dt, const double* velocity) {
   for (std::size_t i = 0; i < local.size(); ++i) {
     const std::int32_t s = local.source[i];
     const auto& v = s >= 0 ? own[s] : halo[-1 - s];
-    displacement_[i] = Four{dt * v[0], dt * v[1], dt * v[2], 0.0};
+    way_[i] = Four{dt * v[0], dt * v[1], dt * v[2], 0.0};
   }
 }
 
 // Forces on the caller's grains from those on the local ones.
 void PoreResponse::collect(double* out) const {
   const LocalGrains& local = network_.local_grains();
-  std::vector<std::array<double, 3>> own(network_.own_grains());
-  for (std::size_t i = 0; i < local.size(); ++i)
-    if (const std::int32_t s = local.source[i]; s >= 0) own[s] = {force_[i][0], force_[i][1], force_[i][2]};
+  std::vector<std::array<double, 3>> own(network_.own_grains()), of_others(by_matrix_ ? network_.halo().grains().size() : 0);
+  for (std::size_t i = 0; i < local.size(); ++i) {
+    const std::array<double, 3> force{force_[i][0], force_[i][1], force_[i][2]};
+    const std::int32_t s = local.source[i];
+    if (s >= 0) own[s] = force;
+    else if (by_matrix_) of_others[-1 - s] = force;
+  }
+  if (by_matrix_) network_.halo().add_to_owners(of_others, own);
   directory_.scatter(network_.communicator(), own, out);
 }
 
@@ -212,7 +227,7 @@ void PoreResponse::sum_roofs(const std::vector<double>& pressure, double* wall_f
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
 }
 
-// Volumes that the pores gain by displacements of grains and walls; where alone.
+// Volumes that this rank's own pores gain by displacements of grains and walls.
 std::vector<double> PoreResponse::gained(const std::vector<Four>& displacement) const {
   std::vector<double> volume(start_.size(), 0.0);
   geometry::add_gained_volumes(volume_, displacement.data(), volume.data());
@@ -221,7 +236,10 @@ std::vector<double> PoreResponse::gained(const std::vector<Four>& displacement) 
 }
 
 const std::vector<double>& PoreResponse::swept() const {
-  if (!swept_known_) swept_ = gained(displacement_);
+  if (!swept_known_) {
+    swept_ = gained(displacement_);
+    network_.exchange().fetch(swept_.data());
+  }
   swept_known_ = true;
   return swept_;
 }
@@ -234,28 +252,25 @@ std::vector<double> PoreResponse::pressure() const {
 }
 
 std::array<double, 3> PoreResponse::work() const {
-  if (!alone_) return work_;
+  if (!by_matrix_) return work_;
   // The sum over all steps of the mean pressure in the step, start + middle * drift - stiffness * (mean of swept), times the volume gained.
-  const std::vector<double>& volume = swept();
-  const std::vector<double> moment = gained(moment_);
+  const std::vector<double> volume = gained(displacement_), moment = gained(moment_);
   double by_fluid = 0.0;
   for (std::size_t c = 0; c < volume.size(); ++c)
-    by_fluid += (start_[c] - 0.5 * stiffness_[c] * volume[c]) * volume[c] + drift_[c] * moment[c];
+    if (network_.owned()[c]) by_fluid += (start_[c] - 0.5 * stiffness_[c] * volume[c]) * volume[c] + drift_[c] * moment[c];
   return {work_[0], by_fluid, work_[2]};
 }
 
 void PoreResponse::forces(double* force, double* wall_force) const {
-  if (alone_) {
-    forces_alone(wall_force);
-    for (std::size_t i = 0; i < input_of_local_.size(); ++i)
-      for (int d = 0; d < 3; ++d) force[3 * static_cast<std::size_t>(input_of_local_[i]) + d] = force_[i][d];
-    return;
+  if (by_matrix_) {
+    answer_by_matrix(wall_force);
+  } else {
+    const std::vector<double> now = pressure();
+    std::fill(force_.begin(), force_.end(), Four{});
+    push(now, force_);
+    sum_roofs(now, wall_force);
   }
-  const std::vector<double> now = pressure();
-  std::fill(force_.begin(), force_.end(), Four{});
-  push(now, force_);
   collect(force);
-  sum_roofs(now, wall_force);
 }
 
 void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, const double* velocity,
@@ -267,82 +282,85 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
     if (!alone_) MPI_Allreduce(MPI_IN_PLACE, &same, 1, MPI_INT, MPI_LAND, network_.communicator());
     if (!same) take_order(count, id);
   }
-  if (alone_) {
-    step_alone(dt, velocity, wall_velocity, force, wall_force);
-    return;
+  if (by_matrix_) {
+    move(dt, velocity, wall_velocity);
+    answer_by_matrix(wall_force);
+  } else {
+    spread(dt, velocity);
+    std::fill(force_.begin(), force_.end(), Four{});
+    elapsed_ += dt;
+    work_[1] += answer_by_cells(dt, wall_velocity);
+    sum_roofs(pressure(), wall_force);
   }
-  spread(dt, velocity);
-  std::fill(force_.begin(), force_.end(), Four{});
-  elapsed_ += dt;
-  work_[1] += answer_shared(dt, wall_velocity);
-
-  before_.assign(force, force + 3 * count);
-  collect(force);
-  sum_roofs(pressure(), wall_force);
-  // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
-  const auto add_work = [this, dt](const double* before, const double* after, const double* speed, std::size_t size) {
-    double sum = 0.0, sizes = 0.0;
-    for (std::size_t k = 0; k < size; ++k) {
-      const double work = 0.5 * (before[k] + after[k]) * dt * speed[k];
-      sum += work;
-      sizes += std::abs(work);
-    }
-    work_[0] += sum;
-    work_[2] += sizes;
-  };
-  add_work(before_.data(), force, velocity, 3 * count);
+  if (alone_) {
+    work_alone(force);
+  } else {
+    before_.assign(force, force + 3 * count);
+    collect(force);
+    add_work(dt, 3 * count, before_.data(), force, velocity);
+  }
   // The walls are every rank's: one counts them.
   int rank = 0;
   MPI_Comm_rank(network_.communicator(), &rank);
-  if (rank == 0) add_work(wall_before_.data(), wall_force, wall_velocity, wall_before_.size());
+  if (rank == 0) add_work(dt, wall_before_.size(), wall_before_.data(), wall_force, wall_velocity);
   std::copy_n(wall_force, wall_before_.size(), wall_before_.begin());
 }
 
-// Forces on the local grains, and on the walls.
-void PoreResponse::forces_alone(double* wall_force) const {
-  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = first_[i] + elapsed_ * drifting_[i] + matrix_.own(i, displacement_[i]);
-  matrix_.add_mutual(displacement_.data(), force_.data());
-  const std::size_t walls = force_.size() - wall_before_.size();
-  for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = force_[walls + e][0];
+// Velocity Verlet gives the grains the mean of the forces at both ends of the step.
+void PoreResponse::add_work(double dt, std::size_t size, const double* before, const double* after, const double* speed) {
+  for (std::size_t k = 0; k < size; ++k) {
+    const double work = 0.5 * (before[k] + after[k]) * dt * speed[k];
+    work_[0] += work;
+    work_[2] += std::abs(work);
+  }
 }
 
-// The same from the displacements since the interval began.
-void PoreResponse::step_alone(double dt, const double* velocity, const double* wall_velocity, double* force, double* wall_force) {
-  const std::size_t grains = input_of_local_.size();
+// Moves the local grains and the walls' entries.
+void PoreResponse::move(double dt, const double* velocity, const double* wall_velocity) {
+  const std::size_t grains = network_.local_grains().size();
   const double middle = elapsed_ + 0.5 * dt;
-  const auto three = [](const double* from) { return Four{from[0], from[1], from[2], 0.0}; };
-  const auto move = [&](std::size_t i, const Four& way) {
+  const auto go = [&](std::size_t i, const Four& way) {
     way_[i] = way;
     displacement_[i] += way;
     moment_[i] += middle * way;
   };
-  // The caller's order is none in space: each grain's entries are fetched well before they are needed.
-  constexpr std::size_t ahead = 24;
-  const auto entries = [&](std::size_t i) { return 3 * static_cast<std::size_t>(input_of_local_[i]); };
-  for (std::size_t i = 0; i < grains; ++i) {
-    if (i + ahead < grains) __builtin_prefetch(velocity + entries(i + ahead));
-    move(i, dt * three(velocity + entries(i)));
+  if (alone_) {
+    // The caller's order is none in space: each grain's entries are fetched well before they are needed.
+    for (std::size_t i = 0; i < grains; ++i) {
+      if (i + ahead < grains) __builtin_prefetch(velocity + entries_of(i + ahead));
+      const double* const v = velocity + entries_of(i);
+      go(i, dt * Four{v[0], v[1], v[2], 0.0});
+    }
+  } else {
+    spread(dt, velocity);
+    for (std::size_t i = 0; i < grains; ++i) go(i, way_[i]);
   }
-  for (std::size_t e = 0; e < wall_before_.size(); ++e) move(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) go(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
   elapsed_ += dt;
   swept_known_ = false;
-  forces_alone(wall_force);
-  // Velocity Verlet gives the grains the mean of the forces at both ends of the step.
+}
+
+// Forces of the present displacements: what this rank knows of those on local grains; on walls, over all ranks.
+void PoreResponse::answer_by_matrix(double* wall_force) const {
+  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = first_[i] + elapsed_ * drifting_[i] + matrix_.own(i, displacement_[i]);
+  matrix_.add_mutual(displacement_.data(), force_.data());
+  const std::size_t walls = force_.size() - wall_before_.size();
+  for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = force_[walls + e][0];
+  if (!alone_)
+    MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
+}
+
+// Hands over the forces on the grains, and adds their work.
+void PoreResponse::work_alone(double* force) {
+  const std::size_t grains = input_of_local_.size();
   Four sum{}, sizes{};
-  const auto add_work = [&](std::size_t i, const Four& before) {
-    const Four work = 0.5 * (before + force_[i]) * way_[i];
+  for (std::size_t i = 0; i < grains; ++i) {
+    if (i + ahead < grains) __builtin_prefetch(force + entries_of(i + ahead), 1);
+    double* const f = force + entries_of(i);
+    const Four work = 0.5 * (Four{f[0], f[1], f[2], 0.0} + force_[i]) * way_[i];
     sum += work;
     sizes += work < 0.0 ? -work : work;
-  };
-  for (std::size_t i = 0; i < grains; ++i) {
-    if (i + ahead < grains) __builtin_prefetch(force + entries(i + ahead), 1);
-    const std::size_t at = entries(i);
-    add_work(i, three(force + at));
-    for (int d = 0; d < 3; ++d) force[at + d] = force_[i][d];
-  }
-  for (std::size_t e = 0; e < wall_before_.size(); ++e) {
-    add_work(grains + 1 + e, Four{wall_before_[e]});
-    wall_before_[e] = wall_force[e];
+    for (int d = 0; d < 3; ++d) f[d] = force_[i][d];
   }
   for (int d = 0; d < 3; ++d) {
     work_[0] += sum[d];
@@ -350,10 +368,10 @@ void PoreResponse::step_alone(double dt, const double* velocity, const double* w
   }
 }
 
-double PoreResponse::answer_shared(double dt, const double* wall_velocity) {
+double PoreResponse::answer_by_cells(double dt, const double* wall_velocity) {
   std::fill(gained_.begin(), gained_.end(), 0.0);
   for (const geometry::Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[entry(r)]);
-  geometry::add_gained_volumes(volume_, displacement_.data(), gained_.data());
+  geometry::add_gained_volumes(volume_, way_.data(), gained_.data());
   // Only the owner of a pore is sure to know all its facets.
   network_.exchange().fetch(gained_.data());
   double work = 0.0;

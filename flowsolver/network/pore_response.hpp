@@ -61,12 +61,15 @@ class PoreResponse {
   void spread(double dt, const double* velocity);
   void collect(double* out) const;
   double pressure_at(std::size_t cell) const { return start_[cell] + elapsed_ * drift_[cell] - stiffness_[cell] * swept_[cell]; }
-  void begin_alone();
-  void step_alone(double dt, const double* velocity, const double* wall_velocity, double* force, double* wall_force);
-  void forces_alone(double* wall_force) const;
+  void begin_by_matrix();
+  void move(double dt, const double* velocity, const double* wall_velocity);
+  void answer_by_matrix(double* wall_force) const;
+  void work_alone(double* force);
+  std::size_t entries_of(std::size_t grain) const { return 3 * static_cast<std::size_t>(input_of_local_[grain]); }
+  void add_work(double dt, std::size_t size, const double* before, const double* after, const double* speed);
   std::size_t entry(const geometry::Roof& roof) const { return static_cast<std::size_t>(roof.body) - network_.local_grains().size() - 1; }
   std::vector<double> gained(const std::vector<geometry::Four>& displacement) const;
-  double answer_shared(double dt, const double* wall_velocity);
+  double answer_by_cells(double dt, const double* wall_velocity);
   void push(const std::vector<double>& pressure, std::vector<geometry::Four>& force) const;
   void sum_roofs(const std::vector<double>& pressure, double* wall_force) const;
 
@@ -85,12 +88,14 @@ class PoreResponse {
   std::vector<geometry::Four> displacement_;
   mutable std::vector<geometry::Four> force_;
   std::vector<double> before_, wall_before_;     // forces before the step
-  // Alone, on one rank whose every local grain is one of the caller's and with forces that are the gradients of the volumes, all follows
-  // from the displacements since the interval began: displacement_, with those of the walls' entries behind the grains.
-  bool alone_ = false;
+  // Where forces are the gradients of the volumes all follows from the displacements since the interval began: displacement_, with those of the
+  // walls' entries behind the grains. Each rank's matrix is of the cells that it owns; what that says of other ranks' grains, and of images, is
+  // added to them.
+  bool by_matrix_ = false;
+  bool alone_ = false;                           // one rank whose every local grain is one of the caller's
   geometry::ResponseMatrix matrix_;
   std::int64_t connected_ = -1;                  // number of the mesh whose cells and roofs the matrix connects
-  std::vector<geometry::Four> way_;              // of the last step, m
+  std::vector<geometry::Four> way_;              // of the last step, m, of grains; of the walls' entries too where by_matrix_
   std::vector<geometry::Four> moment_;           // displacements times the middles of their steps, m s
   std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
   mutable bool swept_known_ = true;

@@ -120,4 +120,10 @@ std::vector<std::array<double, 3>> Halo::fetch(const std::vector<std::array<doub
   return exchange(comm_, sent, send_count_, receive_count_);
 }
 
+void Halo::add_to_owners(const std::vector<std::array<double, 3>>& halo, std::vector<std::array<double, 3>>& own) const {
+  const auto received = exchange(comm_, halo, receive_count_, send_count_);
+  for (std::size_t s = 0; s < received.size(); ++s)
+    for (int d = 0; d < 3; ++d) own[send_index_[s]][d] += received[s][d];
+}
+
 }  // namespace poreslip

@@ -40,6 +40,9 @@ class Halo {
   // Collective. Vectors of the same grains from their owners'.
   std::vector<std::array<double, 3>> fetch(const std::vector<std::array<double, 3>>& own) const;
 
+  // Collective. Vectors of the halo's grains are added to their owners'.
+  void add_to_owners(const std::vector<std::array<double, 3>>& halo, std::vector<std::array<double, 3>>& own) const;
+
   const std::vector<HaloGrain>& grains() const { return grains_; }
   // The region within which every grain is known: unbounded where no grain lies beyond.
   const std::array<double, 3>& known_lower() const { return known_lower_; }
