@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
+import fcntl
 import json
 import os
 import shutil
@@ -10,6 +12,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +25,8 @@ from coupling.study.revision import revision
 FINISHED = "finished.json"
 #: A process that was told to stop gets this long to write what it has, s.
 PATIENCE_S = 30.0
+#: prctl(2), known before a process is forked that calls it.
+_LIBC, PR_SET_PDEATHSIG = ctypes.CDLL(None), 1
 MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "--mca", "mpi_yield_when_idle", "1")
 
 
@@ -87,9 +93,18 @@ class Runner:
         """Run a job to its end, or take what is there; an interrupt ends its process and leaves nothing that looks finished."""
         if job.refused:
             return Outcome(self._pool / job.digest[:16], None, f"refused: {job.refused}", 0.0, 0.0, 0, revision().name)
-        found = self.kept(job)
-        if found:
-            return found
+        with self._alone(job):
+            return self.kept(job) or self._carried_out(job)
+
+    @contextmanager
+    def _alone(self, job: Job) -> Iterator[None]:
+        """A block that no other study with the same runs enters for this job meanwhile; it would remove what is being written."""
+        self._pool.mkdir(parents=True, exist_ok=True)
+        with open(self._pool / f"{job.digest[:16]}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    def _carried_out(self, job: Job) -> Outcome:
         directory = self._pool / job.digest[:16]
         shutil.rmtree(directory, ignore_errors=True)
         directory.mkdir(parents=True)
@@ -105,7 +120,7 @@ class Runner:
         with open(directory / "screen.txt", "w") as screen, open(directory / "errors.txt", "w") as errors:
             # A session of its own: Ctrl-C reaches this process alone, which then ends the other.
             process = subprocess.Popen([*on_ranks(job.ranks), sys.executable, *job.arguments], cwd=directory, env=environment, stdin=subprocess.DEVNULL,
-                                       stdout=screen, stderr=errors, start_new_session=True)  # fmt: skip
+                                       stdout=screen, stderr=errors, start_new_session=True, preexec_fn=_end_with_parent)  # fmt: skip
             try:
                 usage, code = self._wait(process, start)
                 if usage is None:
@@ -130,6 +145,11 @@ class Runner:
             time.sleep(pause)
             pause = min(2.0 * pause, 0.2)
         return None, None
+
+
+def _end_with_parent() -> None:
+    """In the new process: have it end where this one is killed and can no longer end it (Linux)."""
+    _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _end(process: subprocess.Popen):

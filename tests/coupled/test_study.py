@@ -203,30 +203,62 @@ def test_not_under_mpirun(tiny_case, mpirun, tmp_path):
     assert "without mpirun" in the_message(done, 2)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_an_interrupt_and_the_rest_later(study, tiny_case, tmp_path, stage_cache, number):
+@pytest.fixture
+def begun(tiny_case, tmp_path, stage_cache):
+    """`begun(text)`: start a study in the background; its process once its second run writes."""
+
+    def start(text: str) -> subprocess.Popen:
+        (tmp_path / "study.toml").write_text(text)
+        command = [sys.executable, "-m", "coupling", "study", tmp_path / "study.toml", "--out", tmp_path / "out"]
+        process = subprocess.Popen([str(part) for part in command], env=environment(PORESLIP_CACHE=str(stage_cache)), stdout=subprocess.PIPE, text=True,
+                                   start_new_session=True)  # fmt: skip
+        assert "the reference" in process.stdout.readline()
+        end = time.monotonic() + 60.0
+        while not list((tmp_path / "out" / "runs").glob("*/tiny/dry/history.csv"))[1:]:
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        return process
+
+    return start
+
+
+def running(part: str) -> list[str]:
+    """Processes with this in their command lines."""
+    return [pid for pid in os.listdir("/proc") if pid.isdigit() and part.encode() in _command_line(pid)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL])
+def test_an_interrupt_and_the_rest_later(study, begun, tmp_path, number):
     """Stopped in the second run: the first is kept, nothing of the second counts, no process is left, and the same command ends it."""
     text = RATES.replace("[10.0, 20.0, 1e4]", "[0.02]")  # 99 000 steps
-    (tmp_path / "study.toml").write_text(text)
-    command = [sys.executable, "-m", "coupling", "study", tmp_path / "study.toml", "--out", tmp_path / "out"]
-    process = subprocess.Popen([str(part) for part in command], env=environment(PORESLIP_CACHE=str(stage_cache)), stdout=subprocess.PIPE, text=True,
-                               start_new_session=True)  # fmt: skip
-    first = process.stdout.readline()
-    assert "the reference" in first
-    end = time.monotonic() + 60.0
-    while not list((tmp_path / "out" / "runs").glob("*/tiny/dry/history.csv"))[1:]:
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    process = begun(text)
     process.send_signal(number)
     rest = process.communicate(timeout=60)[0]
-    assert process.returncode == 130 and "the same command goes on" in rest
     assert len(list((tmp_path / "out" / "runs").glob("*/finished.json"))) == 1
-    running = [pid for pid in os.listdir("/proc") if pid.isdigit() and str(tmp_path).encode() in _command_line(pid)]
-    assert not running
-    assert [row["reason"] for row in lines(tmp_path / "out" / "study")] == ["the reference"]
+    if number == signal.SIGKILL:
+        end = time.monotonic() + 30.0
+        while running(str(tmp_path)) and time.monotonic() < end:
+            time.sleep(0.05)
+    else:
+        assert process.returncode == 130 and "the same command goes on" in rest
+        assert [row["reason"] for row in lines(tmp_path / "out" / "study")] == ["the reference"]
+    assert not running(str(tmp_path))
     done, results = study(text.replace("[0.02]", "[10.0]"))
     assert done.returncode == 0, done.stderr
     assert len(lines(results)) == 2
+
+
+def test_two_studies_at_once_share_their_runs(study, begun, tmp_path):
+    """The second waits for what the first carries out, and takes it."""
+    text = RATES.replace("[10.0, 20.0, 1e4]", "[0.3]")  # 6 600 steps
+    first = begun(text)
+    done, results = study(text)
+    assert done.returncode == 0, done.stderr
+    said = first.communicate(timeout=120)[0]
+    assert first.returncode == 0 and "refused" not in said + done.stdout, said
+    assert [row["stable"] for row in lines(results)] == ["yes", "yes"] and len(list((tmp_path / "out" / "runs").glob("*/finished.json"))) == 2
+    # To the last digit that they tell, CPU seconds included.
+    assert [line for line in said.splitlines() if "2/2" in line] == [line for line in done.stdout.splitlines() if "2/2" in line]
 
 
 def _command_line(pid: str) -> bytes:
