@@ -18,12 +18,16 @@ class IntervalError:
         self._change = expected
         self._worst = self._final = 0.0
 
+    @property
+    def begun(self) -> bool:
+        """Whether the pressures at the start of loading are known; the same on all ranks."""
+        return self._mean_at_start is not None
+
     def begin(self, pressure: np.ndarray, volume: np.ndarray) -> None:
         """Take up the pressures (k,), Pa, of this rank's own pores of volumes (k,), m^3, at the start of loading."""
-        if self._mean_at_start is None:
-            sums = self._comm.allreduce(np.array([volume @ pressure, volume.sum()]))
-            self._mean_at_start = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
-            self._change = max(self._change, self._rms(pressure - self._mean_at_start, volume))
+        sums = self._comm.allreduce(np.array([volume @ pressure, volume.sum()]))
+        self._mean_at_start = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
+        self._change = max(self._change, self._rms(pressure - self._mean_at_start, volume))
 
     def take(self, solved: np.ndarray, difference: np.ndarray, volume: np.ndarray) -> None:
         """Take up what a solve gave, and its difference from what was felt, (k,) Pa."""

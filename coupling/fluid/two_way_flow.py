@@ -167,6 +167,8 @@ class TwoWayFlow(Dry):
         return result
 
     def _begin_error(self) -> None:
+        if self._error.begun:
+            return
         owned = self._network.owned
         self._error.begin(self._pressure[owned], self._network.pore_volume[owned])
 

@@ -121,9 +121,9 @@ NB_MODULE(poreslip_network, m) {
       .def(
           "pore_volume",
           [](PoreNetwork& self) {
-            auto out = new_array<double>({self.pores()});
-            std::vector<double> cell(self.pores());
-            self.volumes(cell.data(), out.data());
+            const std::vector<double>& volume = self.volumes().pore;
+            auto out = new_array<double>({volume.size()});
+            std::copy(volume.begin(), volume.end(), out.data());
             return out;
           },
           "(m,) float64, m^3, local: void volume of each cell, (4)-(5), before any limiter.")

@@ -123,14 +123,15 @@ PetscErrorCode CarriedPreconditioner::apply(PC preconditioner, Vec residual, Vec
   for (std::size_t k = 0; k < before.size(); ++k) c[k] = before[k] >= 0 ? found[before[k]] : 0.0;
   PetscCall(VecRestoreArrayRead(self->solution_, &found));
   if (!changed.empty()) {
-    // What this leaves of the residual at the rows that changed.
-    for (std::size_t k = 0; k < changed.size(); ++k) c[changed[k]] += self->correction_[k];
-    for (const PetscInt row : changed) self->remaining_[row] = given[row];
-    for (std::size_t k = 0; k < changed.size(); ++k)
+    // The rows that changed are solved exactly for what the others have come to, whatever was found there before.
+    for (const PetscInt row : changed) c[row] = 0.0;
+    for (std::size_t k = 0; k < changed.size(); ++k) {
+      self->remaining_[changed[k]] = given[changed[k]];
       for (PetscInt e = self->start_[k]; e < self->start_[k + 1]; ++e)
         self->remaining_[changed[k]] -= self->value_[e] * c[self->column_[e]];
+    }
     self->solve_locally(self->remaining_.data());
-    for (std::size_t k = 0; k < changed.size(); ++k) c[changed[k]] += self->correction_[k];
+    for (std::size_t k = 0; k < changed.size(); ++k) c[changed[k]] = self->correction_[k];
   }
   PetscCall(VecRestoreArray(correction, &c));
   PetscCall(VecRestoreArrayRead(residual, &given));

@@ -59,15 +59,15 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
 }
 
 std::vector<double> storage(PoreNetwork& network, const Fluid& fluid, const Limiter& limiter, std::int64_t& limited) {
-  std::vector<double> pore(network.pores()), cell(network.pores());
-  network.volumes(cell.data(), pore.data());
+  const PoreVolumes& volume = network.volumes();
+  std::vector<double> storage(network.pores());
   limited = 0;
-  for (std::size_t c = 0; c < pore.size(); ++c) {
-    const double least = limiter.least_void_share * cell[c];
-    limited += network.owned()[c] && pore[c] < least;
-    pore[c] = fluid.compressibility * std::max(pore[c], least);
+  for (std::size_t c = 0; c < storage.size(); ++c) {
+    const double least = limiter.least_void_share * volume.cell[c];
+    limited += network.owned()[c] && volume.pore[c] < least;
+    storage[c] = fluid.compressibility * std::max(volume.pore[c], least);
   }
-  return pore;
+  return storage;
 }
 
 }  // namespace poreslip::flow

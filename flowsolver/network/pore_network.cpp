@@ -86,6 +86,7 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
 
   const bool may_keep = meshed_ && !rebuild_asked && hidden_ == 0 && planes.size() == wall_position_.size();
   wall_position_ = std::move(planes);
+  volumes_known_ = false;
   if (may_keep)
     if (const std::optional<Outcome> outcome = keep(input)) {
       ++(*outcome == Outcome::kept ? report_.kept : report_.repaired);
@@ -100,8 +101,7 @@ Outcome PoreNetwork::update(const GrainInput& input, bool rebuild_asked) {
 // A mesh that no longer is the triangulation still fills the box: its pores' volumes, with the grains where they now are, sum
 // to those of the mesh to come.
 void PoreNetwork::leave_behind() {
-  std::vector<double> cell(pores()), volume(pores());
-  volumes(cell.data(), volume.data());
+  const std::vector<double>& volume = volumes().pore;
   const std::size_t owned = std::count(mesh_.owned.get(), mesh_.owned.get() + pores(), true);
   previous_.grains.resize(4 * owned);
   previous_.volume.resize(owned);
@@ -227,7 +227,7 @@ void PoreNetwork::rebuild(const GrainInput& input) {
 
 void PoreNetwork::mesh_changed() {
   wall_facets_ = facets_at_walls(mesh_);
-  exchange_built_ = false;
+  exchange_built_ = volumes_known_ = false;
   ++mesh_number_;
 }
 

@@ -37,6 +37,10 @@ struct ThroatSections {
   std::vector<double> facet_area, open_area, perimeter, length;  // m^2, m^2, m, m
 };
 
+struct PoreVolumes {
+  std::vector<double> cell, pore;       // (pores), m^3: of the cells, and of their voids before any limiter
+};
+
 // The pores that this rank owned in the mesh before the present one.
 struct PreviousPores {
   std::vector<std::int64_t> grains;     // (k, 4)
@@ -77,7 +81,7 @@ class PoreNetwork {
   // How deep a point, or its copy across periods, lies in each cell, as geometry::depth_in_cell has it: local, (pores).
   void depth(const Vector3& point, double* depth) const;
   void cell_volume(double* volume);                                         // local, (pores)
-  void volumes(double* cell, double* pore);                                 // local, (pores) each
+  const PoreVolumes& volumes();                                             // local; taken once for each place of the grains
   void grains_of_pore(std::int64_t* id) const;                              // local, (pores, 4)
   std::vector<std::int32_t> pores_at_wall(int wall) const;                  // local, in order
   void pores_of_throat(std::int32_t* pore) const;                           // local, (throats, 2)
@@ -145,6 +149,8 @@ class PoreNetwork {
   std::vector<double> seen_walls_;
   bool remember_previous_ = false;
   PreviousPores previous_;
+  PoreVolumes volumes_;
+  bool volumes_known_ = false;
   PoreExchange exchange_;
   bool exchange_built_ = false;
   std::int64_t mesh_number_ = 0;

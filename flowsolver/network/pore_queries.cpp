@@ -63,9 +63,14 @@ void PoreNetwork::cell_volume(double* volume) {
   geometry::cell_volumes(mesh_.cell_view(), view(), volume);
 }
 
-void PoreNetwork::volumes(double* cell, double* pore) {
+const PoreVolumes& PoreNetwork::volumes() {
+  if (volumes_known_) return volumes_;
   const Timer timer(report_.geometry);
-  geometry::pore_volumes(mesh_.cell_view(), view(), cell, pore);
+  volumes_.cell.resize(pores());
+  volumes_.pore.resize(pores());
+  geometry::pore_volumes(mesh_.cell_view(), view(), volumes_.cell.data(), volumes_.pore.data());
+  volumes_known_ = true;
+  return volumes_;
 }
 
 void PoreNetwork::grains_of_pore(std::int64_t* id) const {
@@ -123,12 +128,11 @@ ThroatSections PoreNetwork::throat_sections() {
 }
 
 Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
-  std::vector<double> cell(pores()), pore(pores());
-  volumes(cell.data(), pore.data());
+  const PoreVolumes& volume = volumes();
   const auto owned_throat = std::make_unique<bool[]>(throats());
   owned_throats(owned_throat.get());
   std::array<std::int64_t, 2> count{0, 0};
-  for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && pore[c] < least_void_share * cell[c];
+  for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && volume.pore[c] < least_void_share * volume.cell[c];
   for_each_throat_block([&](const geometry::ThroatBlock& block) {
     for (std::size_t k = 0; k < block.count; ++k)
       count[1] += owned_throat[block.first + k] && block.open_area[k] < least_open_share * block.facet_area[k];

@@ -76,7 +76,7 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   wall_before_.assign(6 * network_.groups(), 0.0);
   gained_.resize(pores);
   if (by_matrix_) begin_by_matrix();
-  force_.resize(way_.size());
+  force_.assign(way_.size(), Four{});
   sum_roofs(start_, wall_before_.data());
   begun_ = true;
 }
@@ -85,7 +85,8 @@ void PoreResponse::begin_by_matrix() {
   const LocalGrains& local = network_.local_grains();
   const std::size_t grains = local.size(), entries = wall_before_.size();
   displacement_.assign(grains + 1 + entries, Four{});
-  way_ = moment_ = displacement_;
+  way_ = displacement_;
+  drifted_ = 0.0;
   int rank = 0;
   MPI_Comm_rank(network_.communicator(), &rank);
   // What a rank knows of all at once, without what matrices of other ranks will add: forces on its own grains; on walls, once over all ranks.
@@ -253,17 +254,22 @@ std::vector<double> PoreResponse::pressure() const {
 
 std::array<double, 3> PoreResponse::work() const {
   if (!by_matrix_) return work_;
-  // The sum over all steps of the mean pressure in the step, start + middle * drift - stiffness * (mean of swept), times the volume gained.
-  const std::vector<double> volume = gained(displacement_), moment = gained(moment_);
-  double by_fluid = 0.0;
+  // The sum over all steps of the mean pressure in the step, start + middle * drift - stiffness * (mean of swept), times the volume gained. That
+  // of drift is as if all had been gained in the interval's middle; what steps before and after it differ by the forces have summed up.
+  const std::vector<double> volume = gained(displacement_);
+  const double middle = 0.5 * elapsed_;
+  double by_fluid = drifted_;
   for (std::size_t c = 0; c < volume.size(); ++c)
-    if (network_.owned()[c]) by_fluid += (start_[c] - 0.5 * stiffness_[c] * volume[c]) * volume[c] + drift_[c] * moment[c];
-  return {work_[0], by_fluid, work_[2]};
+    if (network_.owned()[c]) by_fluid += (start_[c] + middle * drift_[c] - 0.5 * stiffness_[c] * volume[c]) * volume[c];
+  Four in_middle{};
+  for (std::size_t i = 0; i < drifting_.size(); ++i) in_middle += drifting_[i] * displacement_[i];
+  return {work_[0], by_fluid - middle * (in_middle[0] + in_middle[1] + in_middle[2]), work_[2]};
 }
 
 void PoreResponse::forces(double* force, double* wall_force) const {
   if (by_matrix_) {
-    answer_by_matrix(wall_force);
+    for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = apart(i);
+    add_mutual(wall_force);
   } else {
     const std::vector<double> now = pressure();
     std::fill(force_.begin(), force_.end(), Four{});
@@ -284,7 +290,7 @@ void PoreResponse::step(double dt, std::size_t count, const std::int32_t* id, co
   }
   if (by_matrix_) {
     move(dt, velocity, wall_velocity);
-    answer_by_matrix(wall_force);
+    add_mutual(wall_force);
   } else {
     spread(dt, velocity);
     std::fill(force_.begin(), force_.end(), Four{});
@@ -315,14 +321,18 @@ void PoreResponse::add_work(double dt, std::size_t size, const double* before, c
   }
 }
 
-// Moves the local grains and the walls' entries.
+// Moves the local grains and the walls' entries, and sets the forces on them but for those of the others' displacements.
 void PoreResponse::move(double dt, const double* velocity, const double* wall_velocity) {
   const std::size_t grains = network_.local_grains().size();
   const double middle = elapsed_ + 0.5 * dt;
+  elapsed_ += dt;
+  swept_known_ = false;
+  Four power{};
   const auto go = [&](std::size_t i, const Four& way) {
     way_[i] = way;
     displacement_[i] += way;
-    moment_[i] += middle * way;
+    force_[i] = apart(i);
+    power += drifting_[i] * way;
   };
   if (alone_) {
     // The caller's order is none in space: each grain's entries are fetched well before they are needed.
@@ -336,13 +346,11 @@ void PoreResponse::move(double dt, const double* velocity, const double* wall_ve
     for (std::size_t i = 0; i < grains; ++i) go(i, way_[i]);
   }
   for (std::size_t e = 0; e < wall_before_.size(); ++e) go(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
-  elapsed_ += dt;
-  swept_known_ = false;
+  drifted_ += middle * (power[0] + power[1] + power[2]);
 }
 
-// Forces of the present displacements: what this rank knows of those on local grains; on walls, over all ranks.
-void PoreResponse::answer_by_matrix(double* wall_force) const {
-  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = first_[i] + elapsed_ * drifting_[i] + matrix_.own(i, displacement_[i]);
+// Adds to the forces what comes of the others' displacements. Then they are: on local grains, what this rank knows of them; on walls, over all ranks.
+void PoreResponse::add_mutual(double* wall_force) const {
   matrix_.add_mutual(displacement_.data(), force_.data());
   const std::size_t walls = force_.size() - wall_before_.size();
   for (std::size_t e = 0; e < wall_before_.size(); ++e) wall_force[e] = force_[walls + e][0];

@@ -63,7 +63,9 @@ class PoreResponse {
   double pressure_at(std::size_t cell) const { return start_[cell] + elapsed_ * drift_[cell] - stiffness_[cell] * swept_[cell]; }
   void begin_by_matrix();
   void move(double dt, const double* velocity, const double* wall_velocity);
-  void answer_by_matrix(double* wall_force) const;
+  // Force on a body at the start, of drift, and of its own displacement, N.
+  geometry::Four apart(std::size_t i) const { return first_[i] + elapsed_ * drifting_[i] + matrix_.own(i, displacement_[i]); }
+  void add_mutual(double* wall_force) const;
   void work_alone(double* force);
   std::size_t entries_of(std::size_t grain) const { return 3 * static_cast<std::size_t>(input_of_local_[grain]); }
   void add_work(double dt, std::size_t size, const double* before, const double* after, const double* speed);
@@ -96,8 +98,8 @@ class PoreResponse {
   geometry::ResponseMatrix matrix_;
   std::int64_t connected_ = -1;                  // number of the mesh whose cells and roofs the matrix connects
   std::vector<geometry::Four> way_;              // of the last step, m, of grains; of the walls' entries too where by_matrix_
-  std::vector<geometry::Four> moment_;           // displacements times the middles of their steps, m s
   std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
+  double drifted_ = 0.0;                         // sum over the steps of their middle times drifting_ . way_, J
   mutable bool swept_known_ = true;
   bool begun_ = false;
   double elapsed_ = 0.0;

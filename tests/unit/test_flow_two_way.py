@@ -55,6 +55,24 @@ def test_work_and_mass_close_every_interval(pack, split):
         assert coupling.exchange().mass_residual < 1e-10
 
 
+def test_work_of_pressures_that_drain(pack):
+    """The fluid gives what its pressures, half-way through each of unlike steps, do on the volumes that pores gain, drainage included."""
+    net, flow, x, _ = pack
+    rng = np.random.default_rng(5)
+    coupling = TwoWayCoupling(net, flow, DRAINED_BELOW, np.full(net.pores, 1e4), "predicted")
+    coupling.begin(rng.uniform(0, 1e4, net.pores), rng.normal(size=net.pores) * 1e11)
+    expected = size = 0.0
+    for dt in (1e-8, 4e-8, 2e-8):
+        velocity, walls = rng.normal(size=x.shape) * 1e-6, rng.normal(size=(1, 6)) * 1e-6
+        before = coupling.pressure
+        coupling.move(velocity, dt, walls)
+        given = 0.5 * (before + coupling.pressure) * net.volume_rate(velocity, walls) * dt
+        expected, size = expected + given.sum(), size + np.abs(given).sum()
+    done, given_by_fluid, of_all = coupling.work
+    assert abs(given_by_fluid - expected) < 1e-13 * size
+    assert abs(done - given_by_fluid) < 1e-13 * of_all
+
+
 def test_steps_have_the_networks_coefficients(pack):
     """Volumes and forces of a step, with walls that move, are those of `volume_rate` and `forces` where the interval began; either law."""
     net, flow, x, _ = pack

@@ -35,11 +35,18 @@ void FixPoreForce::setup(int vflag) { post_force(vflag); }
 
 void FixPoreForce::post_force(int)
 {
-  double **const added = forces_->array_atom;
-  double **const f = atom->f;
-  for (int i = 0; i < atom->nlocal; ++i) {
+  const int n = atom->nlocal;
+  if (n == 0) return;
+  // Arrays of atoms are contiguous.
+  const double *const added = forces_->array_atom[0];
+  double *const f = atom->f[0];
+  if (igroup == 0) {
+    for (int k = 0; k < 3 * n; ++k) f[k] += added[k];
+    return;
+  }
+  for (int i = 0; i < n; ++i) {
     if (!(atom->mask[i] & groupbit)) continue;
-    for (int c = 0; c < 3; ++c) f[i][c] += added[i][c];
+    for (int c = 0; c < 3; ++c) f[3 * i + c] += added[3 * i + c];
   }
 }
 
