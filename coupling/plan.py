@@ -11,7 +11,7 @@ ENGINE_BYTES_PER_GRAIN = 6.0e3
 NETWORK_BYTES_PER_GRAIN = 4.0e3
 UPDATE_S_PER_GRAIN = 1.0e-6
 #: Two-way coupling: the pressures' answer to a step, and a solve of the flow.
-RESPONSE_S_PER_GRAIN, SOLVE_S_PER_GRAIN = 7.0e-8, 1.0e-5
+RESPONSE_S_PER_GRAIN, SOLVE_S_PER_GRAIN = 4.0e-8, 5.0e-6
 PACKING_STEPS = 15_000
 
 
