@@ -87,5 +87,24 @@ def towards_steady(samples: Sequence[Sample], directory: Path, dpi: int, pdf: bo
         return save(figure, directory, "darcy", "Flow into the pack and out of it, until it is steady; the permeability is read at the end.", dpi, pdf)
 
 
+def loading_paths(samples: Sequence[Sample], directory: Path, dpi: int, pdf: bool) -> Picture:
+    """Strains, total stresses and mean pore pressure over time."""
+    with print_style():
+        figure, panels = plt.subplots(1, 3, figsize=(PAGE, 2.7), layout="constrained")
+        for sample, style in zip(samples, _styles(len(samples))):
+            time = sample.history["time_s"].to_numpy(float) * 1e6
+            for axis, dash in zip("xyz", (":", "--", "-")):
+                line = style | {"linestyle": dash}
+                panels[0].plot(time, sample.history[f"strain_{axis}"], label=f"{sample.name}, {axis}", **line)
+                panels[1].plot(time, sample.history[f"sigma_{axis}_Pa"] * MEGA, **line)
+            panels[2].plot(time, sample.history["pressure_mean_Pa"] * MEGA, **style | {"linestyle": "-"})
+        for axes, words in zip(panels, ("strain", "total stress (MPa)", "mean pore pressure (MPa)")):
+            axes.set_xlabel(r"time ($\mu$s)")
+            axes.set_ylabel(words)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        letter(panels)
+        return save(figure, directory, "loading", "(a) Strains, positive in compression, (b) total stresses, (c) mean pore pressure over time.", dpi, pdf)
+
+
 def _styles(count: int) -> list[dict[str, object]]:
     return [STYLES[k % len(STYLES)] for k in range(count)]

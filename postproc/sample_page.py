@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from .errors import BadOption
 from .figure_style import Picture
-from .figures_samples import consolidation_curves, towards_steady, undrained_paths
+from .figures_samples import consolidation_curves, loading_paths, towards_steady, undrained_paths
 from .observables import NotObserved
 from .page import PAGE, html_table
 from .samples import Sample, darcy_row, measure_consolidation, measure_undrained, read_sample, with_neighbours
@@ -37,6 +36,12 @@ def undrained_section(samples: Sequence[Sample], others: Sequence[Sample], how, 
 
 def darcy_section(samples: Sequence[Sample], others: Sequence[Sample], how, notes: list[str]) -> tuple[pd.DataFrame, list[Picture]]:
     return pd.DataFrame([darcy_row(sample) for sample in samples]), [towards_steady(samples, *how)] if samples else []
+
+
+def loading_section(samples: Sequence[Sample], others: Sequence[Sample], how, notes: list[str]) -> tuple[pd.DataFrame, list[Picture]]:
+    columns = ("time_s", "strain_x", "strain_y", "strain_z", "sigma_x_Pa", "sigma_y_Pa", "sigma_z_Pa", "pressure_mean_Pa", "porosity")
+    rows = [{"run": sample.name} | {name: float(sample.history[name].iloc[-1]) for name in columns} for sample in samples]
+    return pd.DataFrame(rows), [loading_paths(samples, *how)]
 
 
 def _measured(measure: Callable, samples: Sequence[Sample], others: Sequence[Sample], notes: list[str]) -> list:
@@ -68,11 +73,15 @@ SECTIONS = (
     ("Consolidation against Terzaghi", "consolidation", consolidating, consolidation_section),
     ("Undrained loading", "undrained", sealed, undrained_section),
 )
+#: Of samples that are none of these.
+LOADING = ("Loading", "loading", lambda sample: True, loading_section)
 EXPLAINED = {
     "darcy": "Permeability of the whole box between its walls, whose pores are wider; Kozeny-Carman at the porosity away from them, phi^3 d^2 / (180 (1 - phi)^2); k0: "
              "the paper's 1e-9 m^2, taken to this porosity. t_p: time in which pressure diffuses through the box, L^2 viscosity phi beta / k; t_d: that of the paper's loading, "
              "one over its strain rate. Far apart, the pressure is always that of a steady flow.",
     "consolidation": "Errors are differences in the degree of consolidation after the load's rise.",
+    "loading": "At the end of each run. What is measured against theory: a flow between two faces, a load that drains through zmax, and one on a sealed pack, each with "
+               "its dry twin.",
     "undrained": "Share of the load that the pore pressure bears at the end, against 1 / (1 + porosity beta modulus).",
 }  # fmt: skip
 
@@ -83,7 +92,9 @@ def make(directories: Sequence[Path], directory: Path, dpi: int, pdf: bool, comm
     given = [read_sample(path, warnings) for path in directories]
     others = with_neighbours(given, warnings)
     body, told = [], []
-    for heading, name, belongs, section in SECTIONS:
+    for heading, name, belongs, section in (*SECTIONS, LOADING):
+        if name == "loading" and body:
+            break
         mine = [sample for sample in given if belongs(sample)]
         if not mine:
             continue
@@ -96,9 +107,6 @@ def make(directories: Sequence[Path], directory: Path, dpi: int, pdf: bool, comm
         told += [f"{row['run']}: " + ", ".join(f"{key} {value:.4g}" for key, value in row.items() if isinstance(value, float)) for row in table.to_dict("records")]
         body += [f"<h2>{heading}</h2>", f"<p>{escape(EXPLAINED[name])}</p>", _as_html(table)]
         body += [f'<figure><img src="{one.name}" alt="{escape(one.caption)}"><figcaption>{escape(one.caption)}</figcaption></figure>' for one in pictures]
-    if not body:
-        raise BadOption("these samples show nothing that is known how to draw: a flow between two faces, a load that drains through zmax, or one on a sealed pack, with its dry twin"
-                        + "".join(f"\n  {warning}" for warning in warnings))
     body += ["<h2>Balances</h2>", "<p>Largest residuals of each run, relative.</p>", _as_html(pd.DataFrame([
         {"run": sample.name} | {name: sample.report[name] for name in BALANCES if name in sample.report} for sample in given if sample.report and not sample.dry]))]
     intro = f"<p>Made by</p><pre>{escape(command)}</pre><p>{escape(versions)}.</p>" + (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .errors import RunFileError
+from .errors import RunFileError, TruncatedFile
 from .observables import Layer, NotObserved, ResultFiles, consolidation
 from .references import terzaghi
 from .run_files import read_json, read_table
@@ -78,7 +78,10 @@ def is_sample(directory: Path) -> bool:
 def read_sample(directory: Path, warnings: list[str]) -> Sample:
     """Read one run; what had to be left out of it goes to `warnings`."""
     report = read_json(directory / "report.json") if (directory / "report.json").exists() else None
-    return Sample(directory, read_json(directory / "case.json"), read_table(directory / "history.csv", COLUMNS, warnings), report)
+    history = read_table(directory / "history.csv", COLUMNS, warnings)
+    if history.empty:
+        raise TruncatedFile(f"{directory / 'history.csv'}: no line of the run was written; run the case again (poreslip run) or name another directory")
+    return Sample(directory, read_json(directory / "case.json"), history, report)
 
 
 def with_neighbours(given: Sequence[Sample], warnings: list[str]) -> list[Sample]:

@@ -14,7 +14,15 @@ import synthetic_run as synthetic  # noqa: E402
 from postproc.command_line import main  # noqa: E402
 from postproc.errors import ForeignFile, MissingFile, TruncatedFile  # noqa: E402
 from postproc.run_files import read_contacts, read_grains, read_run  # noqa: E402
+from postproc.samples import COLUMNS  # noqa: E402
 from postproc.run_sets import find_runs, sort_runs  # noqa: E402
+
+
+def test_a_sample_without_a_line_is_refused(tmp_path, capsys):
+    (tmp_path / "case.json").write_text('{"scene": "sample"}')
+    (tmp_path / "history.csv").write_text(",".join(COLUMNS) + "\n")
+    assert main([str(tmp_path)]) == 2
+    assert "no line of the run was written" in capsys.readouterr().err
 
 
 @pytest.fixture
