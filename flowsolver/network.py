@@ -74,8 +74,8 @@ class PoreNetwork:
     ) -> None:
         faults: list[str] = []
         box = [checked_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
-        if len(periodic) != 3:
-            faults.append(f"periodic has {len(periodic)} entries: expected 3, for x, y and z")
+        if np.shape(list(periodic)) != (3,) or not all(isinstance(p, (bool, np.bool_)) for p in periodic):
+            faults.append(f"periodic is {periodic!r}: expected True or False for each of x, y and z")
         if not 0.0 <= trusted_displacement < np.inf:
             faults.append(f"trusted_displacement is {trusted_displacement!r} m: expected a finite number of 0 or more")
         for fault in comm.allgather(faults[0] if faults else ""):
@@ -88,6 +88,7 @@ class PoreNetwork:
         self.periodic = tuple(bool(p) for p in periodic)
         self.lengths = box[1] - box[0]
         self._faces = np.stack(box, axis=1).reshape(1, 6)
+        self._radius, self._planes = np.zeros(0), self._faces
 
     @property
     def native(self) -> Any:
@@ -126,7 +127,8 @@ class PoreNetwork:
         Returns
         -------
         "kept" (the mesh still holds), "repaired" (by flips) or "rebuilt", the same on all ranks.
-        After "repaired" and "rebuilt" the pores are other ones.
+        After "repaired" and "rebuilt" the pores are other ones. After an InputError about single grains or walls the network is as it was;
+        after one about pairs of grains, or a ComputationError, it has no grains and no pores.
         """
         faults: list[str] = []
         ids = checked_array("id", id, np.int64, (None,), faults)
@@ -138,7 +140,12 @@ class PoreNetwork:
         if len(planes) == 0 and not faults:
             faults.append("wall_position has no rows: expected one for each group of grains")
         self.agree(faults)
-        outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
+        try:
+            outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
+        except (InputError, ComputationError):
+            # Grains of which no mesh could be made are not kept, nor are those before.
+            self._radius = self._radius[: self._native.grains]
+            raise
         # A copy, for the caller's may be an engine's own memory.
         self._radius, self._planes = radii.copy(), planes.copy()
         return outcome
@@ -179,6 +186,8 @@ class PoreNetwork:
 
     def pores_at_wall(self, face: str) -> NDArray[np.int32]:
         """(k,) int32, local: the pores that touch the wall "xmin" ... "zmax", in order."""
+        if face not in FACES:
+            raise InputError(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
         return self._native.pores_at_wall(FACES.index(face))
 
     @property

@@ -67,10 +67,10 @@ def _read_dump(comm: MPI.Comm, path: Path, size: int, start: bytes) -> Grains:
     if comm.rank == 0:
         try:
             header = _header(path, steps[-1] if steps else 0)
+        except InputError as error:  # which is a ValueError too
+            fault = str(error)
         except (ValueError, IndexError) as error:
             fault = f"{path}: its last step begins wrongly ({error}); expected what dump custom writes"
-        except InputError as error:
-            fault = str(error)
     header, fault = comm.bcast((header, fault))
     if fault:
         raise InputError(fault)
@@ -83,7 +83,7 @@ def _read_dump(comm: MPI.Comm, path: Path, size: int, start: bytes) -> Grains:
     wrong = rows[:, 0][~(np.abs(rows[:, 0]) < 2.0**53) | (rows[:, 0] % 1 != 0)]
     for number in comm.allgather(float(wrong[0]) if len(wrong) else None):
         if number is not None:
-            raise InputError(f"{path}: a grain has id {number:g}: expected whole numbers")
+            raise InputError(f"{path}: a grain has id {number:g}: expected whole numbers below 2^53")
     return Grains(rows[:, 0].astype(np.int64), rows[:, 1:4], rows[:, 4], header.box, header.boundary)
 
 
@@ -96,8 +96,8 @@ def _header(path: Path, at: int) -> _Header:
                 count = int(file.readline())
             elif "ITEM: BOX BOUNDS" in line:
                 letters = line.split()[3:]
-                if "xy" in letters:
-                    raise InputError(f"{path}: its box is tilted (xy xz yz), which is not supported")
+                if "xy" in letters or "abc" in letters:
+                    raise InputError(f"{path}: its box is tilted (BOX BOUNDS {' '.join(letters)}), which is not supported")
                 boundary = tuple(letters) if len(letters) == 3 else None
                 box = np.array([file.readline().split()[:2] for _ in range(3)], float).ravel()
             elif "ITEM: ATOMS" in line:

@@ -30,6 +30,7 @@ PoreFlow::PoreFlow(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law,
     : network_(network), fluid_(fluid), law_(law), limiter_(limiter), comm_(network.communicator()), solver_(comm_, options) {}
 
 void PoreFlow::refresh(const double* body_force) {
+  if (!network_.meshed()) throw InputError("the network has no pores: update it first, with grains of which a mesh can be made");
   follow_mesh();
   throats_ = make_throats(network_, fluid_, law_, limiter_, body_force);
   numbered_throats_ = false;

@@ -185,9 +185,26 @@ void PoreNetwork::place(const GrainInput& input, bool continuous) {
   }
 }
 
+// Grains of which no mesh can be made leave a network without any: the mesh before is not of them.
 void PoreNetwork::rebuild(const GrainInput& input) {
-  const Timer timer(report_.tessellate);
   meshed_ = false;
+  try {
+    mesh_anew(input);
+  } catch (...) {
+    own_ = {};
+    halo_ = {};
+    local_ = {};
+    mesh_ = {};
+    directory_.reset({});
+    hidden_ = 0;
+    mesh_changed();
+    throw;
+  }
+  meshed_ = true;
+}
+
+void PoreNetwork::mesh_anew(const GrainInput& input) {
+  const Timer timer(report_.tessellate);
   own_.id.assign(input.id, input.id + input.count);
   for (auto* v : {&own_.x, &own_.y, &own_.z, &own_.radius}) v->resize(input.count);
   own_.group.resize(input.count);
@@ -222,7 +239,6 @@ void PoreNetwork::rebuild(const GrainInput& input) {
   mesh_ = make_mesh(cells, local_);
   mesh_changed();
   look();
-  meshed_ = true;
 }
 
 void PoreNetwork::mesh_changed() {

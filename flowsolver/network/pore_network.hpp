@@ -118,12 +118,14 @@ class PoreNetwork {
   const std::vector<std::size_t>& wall_facets() const { return wall_facets_; }  // facets of cells that have walls
   const PoreExchange& exchange();
   std::int64_t mesh_number() const { return mesh_number_; }  // changes whenever the mesh does
+  bool meshed() const { return meshed_; }                    // the same on all ranks
 
  private:
   // Whether the mesh at hand could be kept or repaired.
   std::optional<Outcome> keep(const GrainInput& input);
   void mesh_changed();
   void rebuild(const GrainInput& input);
+  void mesh_anew(const GrainInput& input);
   void leave_behind();
   void place(const GrainInput& input, bool continuous);
   void sort_local_grains();

@@ -59,12 +59,39 @@ def test_update_refuses(case):
     assert net.update(**sound) == "rebuilt"  # and goes on
 
 
+@pytest.mark.parametrize("count", [2, 3, 40])
+@pytest.mark.parametrize("same", ["id", "centre"])
+def test_grains_of_which_no_mesh_can_be_made_leave_none(same, count):
+    """Nor the mesh before, which is of other grains, perhaps more or fewer; and its flow is refused."""
+    from flowsolver.flow import Boundary, PoreFlow
+
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    net.update(IDS, X, R)
+    flow, pores = PoreFlow(net, 1.0), net.pores
+    id, position = np.arange(count), np.random.default_rng(0).uniform(0.2, 0.8, (count, 3))
+    (id if same == "id" else position)[1] = (id if same == "id" else position)[0]
+    with pytest.raises(InputError, match="occurs more than once" if same == "id" else "have the same centre"):
+        net.update(id, position, np.full(count, 0.01))
+    assert net.pores == 0 and net.grains_of_throat.shape == (0, 3)
+    for body_force in ((0.0, 0.0, 0.0), (0.0, 0.0, -1.0)):
+        force, wall_force = net.forces(np.zeros(0), body_force=body_force)
+        assert force.shape == (0, 3) and wall_force.shape == (1, 6)
+    with pytest.raises(InputError, match=r"call refresh\(\) after each update"):
+        flow.steady(Boundary(pressure={"xmin": 1.0}))
+    with pytest.raises(InputError, match="the network has no pores: update it first"):
+        flow.refresh()
+    assert net.update(IDS, X, R) == "rebuilt" and net.pores == pores
+    flow.refresh()
+    assert flow.steady(Boundary(pressure={"xmin": 1.0, "xmax": 0.0})).mass_residual < 1e-10
+
+
 BOXES = {
     "inside out": ([0, 0, 0], [1, -1, 1], "from 0 to -1 m in y is not a box"),
     "flat": ([0, 0, 0], [1, 1, 0], "from 0 to 0 m in z"),
     "nan": ([0, 0, np.nan], [1, 1, 1], "in z is not a box"),
     "shape": ([0, 0], [1, 1, 1], r"lower has shape \(2,\)"),
 }
+PERIODIC = ["xyz", (True, False), (0, 1, 2), np.array([[True, False, True]])]
 
 
 @pytest.mark.parametrize("case", BOXES)
@@ -72,6 +99,19 @@ def test_box_is_refused(case):
     lower, upper, message = BOXES[case]
     with pytest.raises(InputError, match=message):
         PoreNetwork(MPI.COMM_SELF, lower, upper)
+
+
+@pytest.mark.parametrize("periodic", PERIODIC, ids=str)
+def test_periods_are_refused(periodic):
+    """Text would be true for each of its letters."""
+    with pytest.raises(InputError, match="periodic is .*: expected True or False for each of x, y and z"):
+        PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3, periodic)
+
+
+def test_no_such_wall():
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    with pytest.raises(InputError, match="face 'top' is not known"):
+        net.pores_at_wall("top")
 
 
 def test_forces_refuse():
