@@ -13,7 +13,7 @@ import pandas as pd
 from .errors import RunFileError, TruncatedFile
 from .observables import Layer, NotObserved, ResultFiles, consolidation
 from .references import terzaghi
-from .run_files import read_json, read_table
+from .run_files import RERUN, read_json, read_table
 
 COLUMNS = ("step", "time_s", "strain_x", "strain_y", "strain_z", "sigma_x_Pa", "sigma_y_Pa", "sigma_z_Pa", "pressure_mean_Pa", "porosity")
 AXES = {"x": ("x_left", "x_right"), "y": ("y_front", "y_back"), "z": ("z_bottom", "z_top")}
@@ -80,7 +80,7 @@ def read_sample(directory: Path, warnings: list[str]) -> Sample:
     report = read_json(directory / "report.json") if (directory / "report.json").exists() else None
     history = read_table(directory / "history.csv", COLUMNS, warnings)
     if history.empty:
-        raise TruncatedFile(f"{directory / 'history.csv'}: no line of the run was written; run the case again (poreslip run) or name another directory")
+        raise TruncatedFile(directory / "history.csv", "no line of the run was written", RERUN)
     return Sample(directory, read_json(directory / "case.json"), history, report)
 
 
