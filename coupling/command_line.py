@@ -28,8 +28,8 @@ examples:
 
 exit status: 0 done; 2 bad input (the message says what to correct); 3 the computation failed."""
 _RUN_DESCRIPTION = """\
-Carry out the runs of a case file. Results go to DIR/<case>/<run>/: case.json (every input), history.csv, bonds.csv, report.md and
-what the case asks for besides. Ctrl-C stops cleanly after the current interval; what was written stays readable."""
+Carry out the runs of a case file. Results go to DIR/<case>/<run>/: case.json (every input), history.csv, report.md and what the
+case asks for besides. Ctrl-C stops cleanly after the current interval; what was written stays readable."""
 _RUN_EPILOG = """\
 keys for --set are those of the case file, section.key, and hold for every run, over what the file says:
   --set pack.seed=3   --set loading.strain_rate_per_s=0.78   --set 'sweep.seeds=[1, 2, 3]'   --set pressure.mode=none"""

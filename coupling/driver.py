@@ -80,7 +80,7 @@ class Run:
 
         output = None
         with raised_together(comm):
-            output = RunOutput(self.directory, comm, self._measures.columns(case), state["tables"] if state else None)
+            output = RunOutput(self.directory, comm, self._measures.columns(case), case.bonded, state["tables"] if state else None)
         with raised_together(comm):
             output.json("case.json", case.to_dict())
         # LIGGGHTS begins its log anew: that of the run before the checkpoint stays.

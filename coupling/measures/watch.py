@@ -66,7 +66,7 @@ class Watch:
         """What makes an unstable run stable."""
         case = self._case
         advice = f"lower loading.time_step_fraction, {case.loading.time_step_fraction:g}"
-        if case.flow.kind == "solve" and case.flow.split == "staggered":
+        if case.flow.kind == "solve" and case.flow.two_way and case.flow.split == "staggered":
             return f'with flow.split = "staggered" a fluid must not be stiffer than the skeleton: set "undrained", or {advice} and flow.interval_steps'
         return advice
 

@@ -32,11 +32,11 @@ def write_atomically(path: Path, text: str) -> None:
 class RunOutput:
     """The files of one run. Only rank 0 writes; calls are made on all ranks.
 
-    columns: those of history.csv.
+    columns: those of history.csv. bonded: whether there are bonds to break, and so a table of them.
     resume: byte lengths of the tables at the checkpoint that the run continues from; lines past them are cut off.
     """
 
-    def __init__(self, directory: Path, comm, columns: tuple[str, ...], resume: dict[str, int] | None = None):
+    def __init__(self, directory: Path, comm, columns: tuple[str, ...], bonded: bool, resume: dict[str, int] | None = None):
         self.directory, self._columns = directory, columns
         self._writes = comm.rank == 0
         self._tables: dict[str, io.TextIOWrapper] = {}
@@ -51,7 +51,7 @@ class RunOutput:
             if not path.is_file() or path.stat().st_size < length:
                 raise InputError(
                     f"{path} is shorter than when the checkpoint was written ({length} bytes); put the file back, or run the case from its start")
-        for name, columns in (("history.csv", columns), ("bonds.csv", BOND_COLUMNS)):
+        for name, columns in (("history.csv", columns), *([("bonds.csv", BOND_COLUMNS)] if bonded else [])):
             path = directory / name
             if resume is not None:
                 os.truncate(path, resume[name])
@@ -64,7 +64,7 @@ class RunOutput:
         """Remove what an earlier run into the same directory wrote and this one may not write over."""
         for former in checkpoint.all_in(self.directory):
             shutil.rmtree(former)
-        for pattern in ("report.json", "report.md", "log-from-*.liggghts", "snapshots/grains_*.vtu", "snapshots/contacts_*.vtu", "snapshots/index.csv"):
+        for pattern in ("bonds.csv", "report.json", "report.md", "log-from-*.liggghts", "snapshots/grains_*.vtu", "snapshots/contacts_*.vtu", "snapshots/index.csv"):
             for former in self.directory.glob(pattern):
                 former.unlink()
         if (self.directory / "snapshots").is_dir() and not any((self.directory / "snapshots").iterdir()):

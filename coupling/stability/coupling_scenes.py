@@ -241,7 +241,7 @@ def scenes() -> list[Scene]:
     found.append(Scene("coupling/fault/plates", "fault with flow, 0.01 times water's compressibility, at a step that it bears: the plates' servos do not", (REFUSED,),
                        flowing(FAULT, sheared, "undrained", 1e-2, extra=("loading.time_step_fraction=0.2",))))
     found.append(Scene("coupling/supplement", "upright fault under shear stress, undrained split", (STABLE,), flowing(UPRIGHT, slipped, "undrained", 1.0)))
-    found.append(Scene("coupling/supplement/step_of_deck", "the same with a step of twice the limit, set in a deck", (STOPPED,),
+    found.append(Scene("coupling/supplement/step_of_deck", "the same, staggered split, with a step of twice the limit, set in a deck", (STOPPED,),
                        flowing(UPRIGHT, slipped, "staggered", 1.0, {"in.load_supplement": "timestep 2.1e-7"})))
     found += [
         Scene("coupling/jump", "1e8 Pa at a face at once, pack under 1e7 Pa between fixed walls", (STABLE, STOPPED), wet("fluid.faces={ zmin = 1e8 }", FIXED, figure=pressed)),

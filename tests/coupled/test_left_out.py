@@ -130,6 +130,7 @@ def test_no_bonds_no_bond_style(run_fault, tiny_case, poreslip, tmp_path):
     assert done.returncode == 0, done.stderr
     assert sorted(path.name.split("-")[0] for path in cache.iterdir()) == ["pack", "stress"]
     logs = [path.read_text() for path in cache.glob("*/log.liggghts")] + [(tmp_path / "out" / "tiny" / "dry" / "log.liggghts").read_text()]
+    assert not (tmp_path / "out" / "tiny" / "dry" / "bonds.csv").exists()
     for log in logs:
         assert "pair_style     gran model hooke/stiffness tangential history" in log
         assert "tangential bond" not in log and "\nfix bonds" not in log
