@@ -184,7 +184,10 @@ def _sample(run: RunCase) -> Iterator[Problem]:
             yield "sample.walls", f"{name} is no wall; allowed are {', '.join(PACK)}"
             continue
         try:
-            stressed |= run.sample.motion(name)[0] == "stress"
+            kind, number = run.sample.motion(name)
+            stressed |= kind == "stress"
+            if kind == "stress" and number < 0.0 and run.flow.kind != "solve":
+                yield "sample.walls", f"{name} = {toml_text(motion)} pulls, and grains hold no wall back: give a stress of 0 or more, positive in compression"
         except ValueError:
             yield "sample.walls", f'{name} = {toml_text(motion)} is none of "fixed", "speed V" (m/s, into the box) and "stress S" (total, Pa)'
     if stressed and run.sample.ramp_time_s > run.sample.loading_time_s:

@@ -38,6 +38,8 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> CaseFile:
         raise InputError(f"{path} is not valid TOML: {error}. Correct that line; the cases in cases/two_sides show how one is written.") from None
     origin = _Origin(str(path), _key_lines(text))
 
+    if {"parameter", "observable"} <= table.keys():
+        raise InputError(f"{path} is a study file; carry it out with `poreslip study {path}`.")
     _refuse_unknown(table, {*_TOP, *SECTIONS, "run", "sweep"}, "", origin)
     entries = table.pop("run", [{"name": "run"}])
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):

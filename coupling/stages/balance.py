@@ -30,7 +30,7 @@ def settle(
     raise ComputationError(
         f"the {what} does not come to rest in {LONGEST_SETTLING} more steps: unbalanced-force ratio {ratio:.2e}, wanted {balanced:g}, and "
         f"wall forces off by {worst:.2e}, wanted {tolerance:g}. More drag or more steps in its deck (pack.deck_variables) or a shorter "
-        "loading.time_step_fraction help")
+        "loading.time_step_fraction help; a pack too loose to bear its stress wants a lower pack.porosity")
 
 
 def unbalanced_force_ratio(engine: Engine, comm, contacts: Contacts) -> float:

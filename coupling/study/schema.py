@@ -135,6 +135,8 @@ def load_study(path: str | Path) -> Study:
     """Read and check a study file. Keys of cases and options of poreflow are checked when its runs are planned."""
     path = Path(path)
     table = _table(path)
+    if "scene" in table:
+        raise InputError(f"{path} is a case file; carry it out with `poreslip run {path}`, or name it in a study: [run] with case = \"...\".")
     _refuse_unknown(table, _TOP, "", path)
     for key in ("run", "parameter", "observable", "reference", "tolerance"):
         if key not in table:

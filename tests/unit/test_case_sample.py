@@ -79,6 +79,14 @@ def test_intervals_that_follow_their_error(tmp_path: Path) -> None:
         loaded(tmp_path, *following, "output.checkpoint_every_steps=200")
 
 
+def test_a_wall_that_pulls(tmp_path: Path) -> None:
+    pulls = 'sample.walls={ z_top = "stress -1e6" }'
+    with pytest.raises(InputError, match="pulls, and grains hold no wall back"):
+        loaded(tmp_path, pulls, "flow.kind=none")
+    # Behind a fluid under suction one may.
+    loaded(tmp_path, pulls, "flow.kind=solve", "fluid.initial_pressure_Pa=-2e6")
+
+
 def test_a_ramp_that_does_not_end(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="must not be longer than sample.loading_time_s"):
         loaded(tmp_path, "sample.ramp_time_s=1", 'sample.walls={ z_top = "stress 2e7" }')

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from coupling.case.files import load_case
 from coupling.errors import InputError
 from coupling.native import REPOSITORY
 from coupling.study.plan import Plan, toml
@@ -157,6 +158,14 @@ def test_refused(study, name):
     with pytest.raises(InputError) as refused:
         Plan(load_study(study(old, new)))
     assert re.search(message, str(refused.value), re.DOTALL), str(refused.value)
+
+
+def test_a_study_is_no_case_and_a_case_no_study(study):
+    path = study()
+    with pytest.raises(InputError, match="rate.toml is a study file; carry it out with `poreslip study "):
+        load_case(path)
+    with pytest.raises(InputError, match="fault.toml is a case file; carry it out with `poreslip run "):
+        load_study(path.with_name("fault.toml"))
 
 
 def test_no_file_and_a_near_one(study):
