@@ -5,20 +5,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <vector>
 
+#include "geometry/four.hpp"
+
 namespace poreslip::geometry {
-
-// Three components and one that is not used: one vector register.
-using Four [[gnu::vector_size(32)]] = double;
-
-// Three values and the one after them, from any address.
-inline Four load(const double* from) {
-  Four value;
-  std::memcpy(&value, from, sizeof value);
-  return value;
-}
 
 // Gradients dV_c/dx_g, m^2, with respect to the first three vertices of each cell. The fourth's is minus their sum: no volume changes
 // when all four move alike. A vertex that is a wall is listed as the grain past the last one, which stays at rest; a cell with

@@ -8,9 +8,9 @@
 
 namespace poreslip::geometry {
 
-// A triangle: twice its vector area, that one's length, the edges' squares and lengths, and the product of two.
+// A triangle: twice its vector area, that one's length, the edges' squares, and the product of two edges.
 struct Triangle {
-  double nx, ny, nz, area2, ab2, ac2, bc2, lab, lac, lbc, ab_ac;
+  double nx, ny, nz, area2, ab2, ac2, bc2, ab_ac;
 };
 
 inline Triangle triangle(const Corners<3>& at, std::size_t i) {
@@ -19,8 +19,7 @@ inline Triangle triangle(const Corners<3>& at, std::size_t i) {
   const double bcx = at.x[2][i] - at.x[1][i], bcy = at.y[2][i] - at.y[1][i], bcz = at.z[2][i] - at.z[1][i];
   const double nx = aby * acz - abz * acy, ny = abz * acx - abx * acz, nz = abx * acy - aby * acx;
   const double ab2 = abx * abx + aby * aby + abz * abz, ac2 = acx * acx + acy * acy + acz * acz, bc2 = bcx * bcx + bcy * bcy + bcz * bcz;
-  return {nx, ny, nz, std::sqrt(nx * nx + ny * ny + nz * nz), ab2, ac2, bc2, std::sqrt(ab2), std::sqrt(ac2), std::sqrt(bc2),
-          abx * acx + aby * acy + abz * acz};
+  return {nx, ny, nz, std::sqrt(nx * nx + ny * ny + nz * nz), ab2, ac2, bc2, abx * acx + aby * acy + abz * acz};
 }
 
 // Calls visit(corners, first, count) for blocks of the triangles.

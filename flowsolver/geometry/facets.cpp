@@ -16,6 +16,7 @@ inline double half_tangent(double cross_norm, double lengths, double product) {
   return cross_norm / (lengths + product);
 }
 
+// S_k of a facet's grains over the length of its normal, which is not one: area2 of a triangle, the width of a strip.
 struct Shares {
   double a, b, c;
 };
@@ -24,10 +25,10 @@ struct Shares {
 // R^3 tan(theta / 2) / (3 l), with l the edge between the two: the sectors' own areas cancel, and no angle is needed.
 // An overlap's frozen lens adds its first moment about the edge times the coordinates' slope away from the edge.
 // Three divisions do for all: reciprocals come by threes from the reciprocal of a product.
-inline Shares triangle_total(double area2, double lab, double lac, double lbc, double ab_ac, double ra, double rb,
-                             double rc) {
-  const double ba_bc = lab * lab - ab_ac, ca_cb = lac * lac - ab_ac;
-  const double per_lengths = 1.0 / (lab * lac * lbc);
+inline Shares triangle_total(double area2, double ab2, double ac2, double bc2, double ab_ac, double ra, double rb, double rc) {
+  const double ba_bc = ab2 - ab_ac, ca_cb = ac2 - ab_ac;
+  const double lab = std::sqrt(ab2), lac = std::sqrt(ac2), lbc = std::sqrt(bc2);
+  const double per_area = 1.0 / area2, per_lengths = 1.0 / (lab * lac * lbc);
   const double iab = lac * lbc * per_lengths, iac = lab * lbc * per_lengths, ibc = lab * lac * per_lengths;
   const double da = lab * lac + ab_ac, db = lab * lbc + ba_bc, dc = lac * lbc + ca_cb;
   const double per_angles = area2 / (da * db * dc);
@@ -35,24 +36,22 @@ inline Shares triangle_total(double area2, double lab, double lac, double lbc, d
   constexpr double third = 1.0 / 3.0;
   const double ab = (qa - qb) * third * iab, ac = (qa - qc) * third * iac, bc = (qb - qc) * third * ibc;
   // Lens moment over the height of the opposite vertex above the edge.
-  const double per_area = 1.0 / area2;
   const double mab = lens_moment(ra, rb, lab, iab) * lab * per_area;
   const double mac = lens_moment(ra, rc, lac, iac) * lac * per_area;
   const double mbc = lens_moment(rb, rc, lbc, ibc) * lbc * per_area;
   // Foot of that height along the edge, from its first end, as a fraction.
   const double tab = ab_ac * iab * iab, tac = ab_ac * iac * iac, tbc = ba_bc * ibc * ibc;
   const double sixth = area2 / 6.0;
-  return {sixth + ab + ac - mab * (1.0 - tab) - mac * (1.0 - tac) + mbc,
-          sixth - ab + bc - mab * tab - mbc * (1.0 - tbc) + mac,
-          sixth - ac - bc - mac * tac - mbc * tbc + mab};
+  return {per_area * (sixth + ab + ac - mab * (1.0 - tab) - mac * (1.0 - tac) + mbc),
+          per_area * (sixth - ab + bc - mab * tab - mbc * (1.0 - tbc) + mac),
+          per_area * (sixth - ac - bc - mac * tac - mbc * tbc + mab)};
 }
 
-inline Shares triangle_pressure(double area2, double lab, double lac, double ab_ac, double ra, double rb, double rc) {
-  return {0.5 * ra * ra * angle(area2, ab_ac), 0.5 * rb * rb * angle(area2, lab * lab - ab_ac),
-          0.5 * rc * rc * angle(area2, lac * lac - ab_ac)};
+inline Shares triangle_pressure(double area2, double ab2, double ac2, double ab_ac, double ra, double rb, double rc) {
+  const double half = 0.5 / area2;
+  return {half * ra * ra * angle(area2, ab_ac), half * rb * rb * angle(area2, ab2 - ab_ac), half * rc * rc * angle(area2, ac2 - ab_ac)};
 }
 
-using Four [[gnu::vector_size(32)]] = double;
 using UnalignedFour [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
 
 // Four columns of three, turned into four rows; their last component is 0.
@@ -82,7 +81,7 @@ inline bool any_difference(const double* difference, std::size_t count) {
 }
 
 template <ForceLaw law>
-void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
+void add_triangle_forces(const FacetView& facets, const GrainView& grains, const double* pressure, Four* force) {
   alignas(64) double share[3][block_size], normal[3][block_size], difference[block_size];
   Corners<3> at;
   for (std::size_t first = 0, count, next; first < facets.end[0]; first = next) {
@@ -100,21 +99,19 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
     for (std::size_t f = 0; f < count; ++f) {
       const Triangle t = triangle(at, f);
       const double ra = at.r[0][f], rb = at.r[1][f], rc = at.r[2][f];
-      const Shares s = law == ForceLaw::total ? triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, ra, rb, rc)
-                                              : triangle_pressure(t.area2, t.lab, t.lac, t.ab_ac, ra, rb, rc);
-      const double scale = difference[f] / t.area2;
-      share[0][f] = s.a * scale;
-      share[1][f] = s.b * scale;
-      share[2][f] = s.c * scale;
+      const Shares s = law == ForceLaw::total ? triangle_total(t.area2, t.ab2, t.ac2, t.bc2, t.ab_ac, ra, rb, rc)
+                                              : triangle_pressure(t.area2, t.ab2, t.ac2, t.ab_ac, ra, rb, rc);
+      share[0][f] = s.a * difference[f];
+      share[1][f] = s.b * difference[f];
+      share[2][f] = s.c * difference[f];
       normal[0][f] = t.nx;
       normal[1][f] = t.ny;
       normal[2][f] = t.nz;
     }
     const auto add = [&](std::size_t f, const Four& n) {
-      const auto to = [force](Vertex v) -> UnalignedFour& { return reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(v)]); };
-      to(va[f]) += share[0][f] * n;
-      to(vb[f]) += share[1][f] * n;
-      to(vc[f]) += share[2][f] * n;
+      force[va[f]] += share[0][f] * n;
+      force[vb[f]] += share[1][f] * n;
+      force[vc[f]] += share[2][f] * n;
     };
     std::size_t f = 0;
     for (; f + 4 <= count; f += 4) {
@@ -128,16 +125,17 @@ void add_triangle_forces(const FacetView& facets, const GrainView& grains, const
 template <ForceLaw law>
 inline Shares strip_shares(const Strip& s, double ri, double rj) {
   const double ti = half_tangent(s.width, s.edge, s.rise), tj = half_tangent(s.width, s.edge, -s.rise);
-  if (law == ForceLaw::pressure) return {0.5 * ri * ri * angle(s.width, s.rise), 0.5 * rj * rj * angle(s.width, -s.rise), 0.0};
+  const double per_width = 1.0 / s.width, half = 0.5 * per_width;
+  if (law == ForceLaw::pressure) return {half * ri * ri * angle(s.width, s.rise), half * rj * rj * angle(s.width, -s.rise), 0.0};
   // As for a triangle whose third vertex is infinitely far: the coordinates are those along the projected edge.
   const double exchange = (cube(ri) * ti - cube(rj) * tj) / (3.0 * s.edge) +
                           (lens_over_two_pi(ri, rj, s.edge) * s.rise / s.edge + 0.5 * cap_over_pi(rj, s.gap_j) -
-                           0.5 * cap_over_pi(ri, s.gap_i)) / s.width;
-  return {s.width * (2.0 * s.gap_i + s.gap_j) / 6.0 + exchange, s.width * (s.gap_i + 2.0 * s.gap_j) / 6.0 - exchange, 0.0};
+                           0.5 * cap_over_pi(ri, s.gap_i)) * per_width;
+  return {(2.0 * s.gap_i + s.gap_j) / 6.0 + per_width * exchange, (s.gap_i + 2.0 * s.gap_j) / 6.0 - per_width * exchange, 0.0};
 }
 
 template <ForceLaw law>
-void add_strip_forces(const FacetView& facets, const GrainView& grains, const double* pressure, double* force) {
+void add_strip_forces(const FacetView& facets, const GrainView& grains, const double* pressure, Four* force) {
   StripCorners at;
   alignas(64) double share[2][block_size], normal[3][block_size], difference[block_size];
   for (std::size_t first = facets.end[0]; first < facets.end[1]; first += block_size) {
@@ -150,17 +148,16 @@ void add_strip_forces(const FacetView& facets, const GrainView& grains, const do
     for (std::size_t f = 0; f < count; ++f) {
       const Strip s = strip(at, f);
       const Shares shares = strip_shares<law>(s, at.radius[0][f], at.radius[1][f]);
-      const double scale = difference[f] / s.width;
-      share[0][f] = shares.a * scale;
-      share[1][f] = shares.b * scale;
+      share[0][f] = shares.a * difference[f];
+      share[1][f] = shares.b * difference[f];
       normal[0][f] = s.nx;
       normal[1][f] = s.ny;
       normal[2][f] = s.nz;
     }
     for (std::size_t f = 0; f < count; ++f) {
       const Four n{normal[0][f], normal[1][f], normal[2][f], 0.0};
-      reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(vi[f])]) += share[0][f] * n;
-      reinterpret_cast<UnalignedFour&>(force[4 * static_cast<std::size_t>(vj[f])]) += share[1][f] * n;
+      force[vi[f]] += share[0][f] * n;
+      force[vj[f]] += share[1][f] * n;
     }
   }
 }
@@ -178,17 +175,17 @@ FacetShares facet_shares(const FacetView& facets, const GrainView& grains, std::
   const Vertex a = facets.vertex[0][f], b = facets.vertex[1][f], c = facets.vertex[2][f];
   if (f < facets.end[0]) {
     const Vector3 ab = grains.position(b) - grains.position(a), ac = grains.position(c) - grains.position(a);
-    const Vector3 n = cross(ab, ac);
-    const double area2 = norm(n), lbc = norm(ac - ab), ra = grains.radius[a], rb = grains.radius[b], rc = grains.radius[c];
-    const Shares s = law == ForceLaw::total ? triangle_total(area2, norm(ab), norm(ac), lbc, dot(ab, ac), ra, rb, rc)
-                                            : triangle_pressure(area2, norm(ab), norm(ac), dot(ab, ac), ra, rb, rc);
-    return {{s.a, s.b, s.c}, (1.0 / area2) * n};
+    const Vector3 n = cross(ab, ac), bc = ac - ab;
+    const double area2 = norm(n), ra = grains.radius[a], rb = grains.radius[b], rc = grains.radius[c];
+    const Shares s = law == ForceLaw::total ? triangle_total(area2, dot(ab, ab), dot(ac, ac), dot(bc, bc), dot(ab, ac), ra, rb, rc)
+                                            : triangle_pressure(area2, dot(ab, ab), dot(ac, ac), dot(ab, ac), ra, rb, rc);
+    return {{area2 * s.a, area2 * s.b, area2 * s.c}, (1.0 / area2) * n};
   }
   if (f < facets.end[1]) {
     const Strip s = strip(facets, grains, f);
     const double ra = grains.radius[a], rb = grains.radius[b];
     const Shares shares = law == ForceLaw::total ? strip_shares<ForceLaw::total>(s, ra, rb) : strip_shares<ForceLaw::pressure>(s, ra, rb);
-    return {{shares.a, shares.b, 0.0}, (1.0 / s.width) * Vector3{s.nx, s.ny, s.nz}};
+    return {{s.width * shares.a, s.width * shares.b, 0.0}, (1.0 / s.width) * Vector3{s.nx, s.ny, s.nz}};
   }
   const Vector3 n = cross(wall_normal(b), wall_normal(c));
   const double sector = 0.25 * std::numbers::pi * grains.radius[a] * grains.radius[a];
@@ -210,8 +207,7 @@ std::array<double, 3> facet_area_shares(const FacetView& facets, const GrainView
   return {grains.gap(a, wall_of(b)) * grains.gap(a, wall_of(c)), 0.0, 0.0};
 }
 
-void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law,
-                      double* force) {
+void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, Four* force) {
   if (law == ForceLaw::total) {
     add_triangle_forces<ForceLaw::total>(facets, grains, pressure, force);
     add_strip_forces<ForceLaw::total>(facets, grains, pressure, force);
@@ -222,8 +218,7 @@ void add_facet_forces(const FacetView& facets, const GrainView& grains, const do
   for (std::size_t f = facets.end[1]; f < facets.size(); ++f) {
     const FacetShares s = facet_shares(facets, grains, f, law);
     const double difference = pressure[facets.left[f]] - pressure[facets.right[f]];
-    const std::size_t g = facets.vertex[0][f];
-    for (int d = 0; d < 3; ++d) force[4 * g + d] += difference * s.share[0] * s.normal[d];
+    force[facets.vertex[0][f]] += difference * s.share[0] * Four{s.normal[0], s.normal[1], s.normal[2], 0.0};
   }
 }
 
@@ -240,9 +235,9 @@ void add_volume_rates(const FacetView& facets, const GrainView& grains, const do
     for (std::size_t i = 0; i < count; ++i) {
       const Vertex a = va[first + i], b = vb[first + i], c = vc[first + i];
       const Triangle t = triangle(at, i);
-      const Shares s = triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
-      swept[i] = (s.a * (t.nx * vx[a] + t.ny * vy[a] + t.nz * vz[a]) + s.b * (t.nx * vx[b] + t.ny * vy[b] + t.nz * vz[b]) +
-                  s.c * (t.nx * vx[c] + t.ny * vy[c] + t.nz * vz[c])) / t.area2;
+      const Shares s = triangle_total(t.area2, t.ab2, t.ac2, t.bc2, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
+      swept[i] = s.a * (t.nx * vx[a] + t.ny * vy[a] + t.nz * vz[a]) + s.b * (t.nx * vx[b] + t.ny * vy[b] + t.nz * vz[b]) +
+                 s.c * (t.nx * vx[c] + t.ny * vy[c] + t.nz * vz[c]);
     }
     for (std::size_t i = 0; i < count; ++i) hand_over(first + i, swept[i]);
   });
@@ -263,11 +258,10 @@ void add_triangle_gradients(const FacetView& facets, const GrainView& grains, co
 #pragma omp simd
     for (std::size_t i = 0; i < count; ++i) {
       const Triangle t = triangle(at, i);
-      const Shares s = triangle_total(t.area2, t.lab, t.lac, t.lbc, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
-      const double a = s.a / t.area2, b = s.b / t.area2, c = s.c / t.area2;
-      part[0][0][i] = a * t.nx, part[0][1][i] = a * t.ny, part[0][2][i] = a * t.nz;
-      part[1][0][i] = b * t.nx, part[1][1][i] = b * t.ny, part[1][2][i] = b * t.nz;
-      part[2][0][i] = c * t.nx, part[2][1][i] = c * t.ny, part[2][2][i] = c * t.nz;
+      const Shares s = triangle_total(t.area2, t.ab2, t.ac2, t.bc2, t.ab_ac, at.r[0][i], at.r[1][i], at.r[2][i]);
+      part[0][0][i] = s.a * t.nx, part[0][1][i] = s.a * t.ny, part[0][2][i] = s.a * t.nz;
+      part[1][0][i] = s.b * t.nx, part[1][1][i] = s.b * t.ny, part[1][2][i] = s.b * t.nz;
+      part[2][0][i] = s.c * t.nx, part[2][1][i] = s.c * t.ny, part[2][2][i] = s.c * t.nz;
     }
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t f = first + i;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 
+#include "geometry/four.hpp"
 #include "geometry/vector3.hpp"
 #include "geometry/view.hpp"
 
@@ -17,8 +18,8 @@ enum class ForceLaw {
 // Forces of the pressures on the grains, N: F_k += (p_left - p_right) * S_k * n for the grains k of every facet, with S_k the
 // grain's sector (pressure) or sector and share of the throat (total; sum_k S_k = the facet's area exactly). The lens of an
 // overlap is held frozen: fluid pressure acts all round a grain, so that contact forces are effective ones.
-// Adds to force (grains, 4), of which the last column stays free: one grain, one half of a cache line.
-void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, double* force);
+// Adds to force (grains), of which the last component stays free: one grain, one half of a cache line.
+void add_facet_forces(const FacetView& facets, const GrainView& grains, const double* pressure, ForceLaw law, Four* force);
 
 // Rates of change of the pores' volumes by the grains' motion, m^3/s, from the coefficients of `total`: what the grains gain in
 // work the fluid loses. velocity: (grains) each, m/s. Adds to rate (pores); a right cell of -1 is left out.

@@ -32,11 +32,12 @@ struct GrainView {
   const std::int32_t* group;      // row of wall_position
   const double* wall_position;    // (groups, 6), m, along each wall's own axis
 
-  std::array<double, 3> position(Vertex v) const { return {x[v], y[v], z[v]}; }
+  std::array<double, 3> position(Vertex v) const { return {packed[v].x, packed[v].y, packed[v].z}; }
   // Distance from a grain's centre to its own group's plane of a wall, > 0 inside, m.
   double gap(Vertex v, int wall) const {
-    const double* coordinate[3] = {x, y, z};
-    return wall_sign(wall) * (wall_position[6 * group[v] + wall] - coordinate[wall_axis(wall)][v]);
+    const PackedGrain& g = packed[v];
+    const int axis = wall_axis(wall);
+    return wall_sign(wall) * (wall_position[6 * group[v] + wall] - (axis == 0 ? g.x : axis == 1 ? g.y : g.z));
   }
 };
 

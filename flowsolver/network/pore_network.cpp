@@ -328,16 +328,16 @@ void PoreNetwork::forces(const double* pressure, geometry::ForceLaw law, double*
   agree_on_input(comm_, fault);
 
   // Kept between calls: new memory costs more than half of the forces themselves.
-  std::vector<double>& local = local_force_;
-  local.assign(4 * local_.size(), 0.0);
+  std::vector<geometry::Four>& local = local_force_;
+  local.assign(local_.size(), geometry::Four{});
   geometry::add_facet_forces(mesh_.facet_view(), view(), pressure, law, local.data());
   if (law == geometry::ForceLaw::total && groups() > 1)
     for_each_step_gradient(mesh_, view(), wall_facets_, [&](std::size_t c, Vertex g, const Vector3& gradient) {
-      for (int d = 0; d < 3; ++d) local[4 * g + d] += pressure[c] * gradient[d];
+      local[g] += pressure[c] * geometry::Four{gradient[0], gradient[1], gradient[2], 0.0};
     });
   std::vector<std::array<double, 3>> own(own_.size());
   for (std::size_t i = 0; i < local_.size(); ++i)
-    if (const std::int32_t s = local_.source[i]; s >= 0) own[s] = {local[4 * i], local[4 * i + 1], local[4 * i + 2]};
+    if (const std::int32_t s = local_.source[i]; s >= 0) own[s] = {local[i][0], local[i][1], local[i][2]};
   directory_.scatter(comm_, own, force);
 
   std::fill_n(wall_force, wall_position_.size(), 0.0);

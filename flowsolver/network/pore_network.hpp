@@ -135,7 +135,7 @@ class PoreNetwork {
   Domain domain_;
   std::array<double, 3> period_{}, quantum_{};
   std::vector<double> wall_position_;   // (groups, 6)
-  std::vector<double> local_force_;     // (local grains, 4), N, of the last call of forces
+  std::vector<geometry::Four> local_force_;  // (local grains), N, of the last call of forces
   OwnGrains own_;
   Halo halo_;
   LocalGrains local_;
