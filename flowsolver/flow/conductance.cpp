@@ -1,19 +1,11 @@
 #include "flow/conductance.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 #include "flow/hydraulic_radius.hpp"
 #include "geometry/cells.hpp"
 
 namespace poreslip::flow {
-namespace {
-
-// Rounding of a perimeter, of the root of the facet's area.
-constexpr double least_perimeter = 1e-12;
-
-}  // namespace
 
 Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw law, const Limiter& limiter,
                      const double* body_force) {
@@ -24,27 +16,21 @@ Throats make_throats(PoreNetwork& network, const Fluid& fluid, ConductanceLaw la
   network.owned_throats(t.owned.get());
   t.conductance.resize(n);
   network.for_each_throat_block([&](const geometry::ThroatBlock& block) {
+    if (law == ConductanceLaw::duct) {
+      t.limited += geometry::duct_conductances(block, fluid.viscosity, limiter.least_open_share, &t.owned[block.first], &t.conductance[block.first]);
+      return;
+    }
     for (std::size_t k = 0; k < block.count; ++k) {
       const std::size_t f = block.first + k;
       if (!t.owned[f]) continue;
       const double least = limiter.least_open_share * block.facet_area[k];
       bool limited = block.open_area[k] < least;
       const double area = std::max({block.open_area[k], least, 0.0});
-      double c = 0.0;
-      if (law == ConductanceLaw::duct) {
-        // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
-        // shape has less than a circle.
-        const double perimeter = std::max(block.perimeter[k], std::sqrt(4.0 * std::numbers::pi * std::max(area, 0.0)));
-        if (area > 0.0 && block.perimeter[k] > least_perimeter * std::sqrt(block.facet_area[k]))
-          c = geometry::duct_conductance(area, perimeter, fluid.viscosity) / block.length[k];
-      } else {
-        const ThroatBody body = throat_body(mesh, network.view(), f);
-        if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
-          c = area * body.radius * body.radius / (2.0 * fluid.viscosity * body.length);
-        limited = limited || body.limited;
-      }
+      const ThroatBody body = throat_body(mesh, network.view(), f);
+      limited = limited || body.limited;
       t.limited += limited;
-      t.conductance[f] = c;
+      if (area > 0.0 && body.radius > 0.0 && body.length > 0.0)
+        t.conductance[f] = area * body.radius * body.radius / (2.0 * fluid.viscosity * body.length);
     }
   });
   if (body_force[0] == 0.0 && body_force[1] == 0.0 && body_force[2] == 0.0) return t;

@@ -145,7 +145,26 @@ class Lengths {
   std::vector<Vector3> walled_;  // of the cells that have walls
 };
 
+// Rounding of a perimeter, of the root of the facet's area.
+constexpr double least_perimeter = 1e-12;
+
 }  // namespace
+
+std::size_t duct_conductances(const ThroatBlock& throats, double viscosity, double least_open_share, const bool* counted, double* conductance) {
+  std::size_t raised = 0;
+#pragma omp simd reduction(+ : raised)
+  for (std::size_t k = 0; k < throats.count; ++k) {
+    const double least = least_open_share * throats.facet_area[k], area = std::max(throats.open_area[k], std::max(least, 0.0));
+    // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
+    // shape has less than a circle.
+    const double perimeter = throats.perimeter[k], least_square = 4.0 * std::numbers::pi * area;
+    const bool open = counted[k] && area > 0.0 && perimeter > least_perimeter * std::sqrt(throats.facet_area[k]);
+    const double c = 3.0 * area * area * area / (5.0 * viscosity * std::max(perimeter * perimeter, least_square) * throats.length[k]);
+    conductance[k] = open ? c : 0.0;
+    raised += counted[k] && throats.open_area[k] < least;
+  }
+  return raised;
+}
 
 void for_each_throat_block(const FacetView& facets, const CellView& cells, const GrainView& grains,
                            const std::function<void(const ThroatBlock&)>& visit) {

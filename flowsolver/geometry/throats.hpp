@@ -20,9 +20,8 @@ struct ThroatBlock {
 void for_each_throat_block(const FacetView& facets, const CellView& cells, const GrainView& grains,
                            const std::function<void(const ThroatBlock&)>& visit);
 
-// Conductance of a throat, (6): C = 3 A^3 / (5 viscosity P^2), m^4 / (Pa s). The flow is q = C (p_i - p_j) / l.
-inline double duct_conductance(double open_area, double perimeter, double viscosity) {
-  return 3.0 * open_area * open_area * open_area / (5.0 * viscosity * perimeter * perimeter);
-}
+// Conductances of a block's throats over their lengths, m^3/(Pa s), by (6): C / l, C = 3 A^3 / (5 viscosity P^2), with A at least least_open_share of
+// the facet. The flow is q = C (p_i - p_j) / l. counted (count): the others' are 0. Out: conductance (count). Returns how many areas were raised.
+std::size_t duct_conductances(const ThroatBlock& throats, double viscosity, double least_open_share, const bool* counted, double* conductance);
 
 }  // namespace poreslip::geometry

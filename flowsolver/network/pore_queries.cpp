@@ -105,6 +105,10 @@ void PoreNetwork::grains_of_throat(std::int64_t* id) const {
 }
 
 void PoreNetwork::owned_throats(bool* owned) const {
+  if (halo_.grains().empty()) {
+    std::fill_n(owned, throats(), true);
+    return;
+  }
   for (std::size_t f = 0; f < throats(); ++f) {
     const Vertex v[3] = {mesh_.facet.vertex[0][f], mesh_.facet.vertex[1][f], mesh_.facet.vertex[2][f]};
     owned[f] = belongs_here(v, 3, local_);
