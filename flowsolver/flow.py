@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from flowsolver.boundary import Boundary, Conditions
 from flowsolver.native import load
 from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ComputationError, ForceLaw, PoreNetwork, checked_array
+from flowsolver.plane_start import plane_through
 
 # A rank is one thread. PETSc's vector operations would start others, which wait for work by spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -184,11 +185,12 @@ class PoreFlow:
     def steady(
         self, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None, tolerance: float = TOLERANCE
     ) -> FlowResult:
-        """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean
-        over the pores is kept."""
+        """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean over the pores is kept, and
+        so is it where nothing determines another. Default: 0, with an iteration that starts from a plane through the given pressures."""
         self._check(_tolerance_faults(tolerance))
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
-        after, report = self._solve(conditions, conditions.given, 0.0, tolerance)
+        start = plane_through(self.network, conditions.fixed, conditions.given) if pressure is None else None
+        after, report = self._solve(conditions, conditions.given, 0.0, tolerance, start)
         balance = self._balance(conditions, after, None)
         missing, throughput = report["imbalance"], balance.throughput
         if missing > USUAL_IMBALANCE * tolerance * throughput:
@@ -264,9 +266,12 @@ class PoreFlow:
         self.network.comm.Allreduce(MPI.IN_PLACE, moved)
         return moved / self.network.lengths.prod()
 
-    def _solve(self, conditions: Conditions, pressure: NDArray[np.float64], dt: float, tolerance: float) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """One system, with what is given in the place of the pressures before; steady for dt = 0. The pressures, (m,) Pa, and a report."""
-        after, report = self._native.solve(conditions.fixed, pressure, conditions.source, conditions.volume_rate, dt, tolerance)
+    def _solve(
+        self, conditions: Conditions, pressure: NDArray[np.float64], dt: float, tolerance: float, start: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """One system, with what is given in the place of the pressures before; steady for dt = 0. start: of the iteration, by default the pressures before.
+        The pressures, (m,) Pa, and a report."""
+        after, report = self._native.solve(conditions.fixed, pressure, conditions.source, conditions.volume_rate, dt, tolerance, start)
         if self._unchecked_options and report["unknowns"]:
             self._check_options()
         return after, report

@@ -86,7 +86,7 @@ class PoreNetwork:
         )
         self.comm = comm
         self.periodic = tuple(bool(p) for p in periodic)
-        self.lengths = box[1] - box[0]
+        self.lower, self.lengths = box[0], box[1] - box[0]
         self._faces = np.stack(box, axis=1).reshape(1, 6)
         self._radius, self._planes = np.zeros(0), self._faces
 

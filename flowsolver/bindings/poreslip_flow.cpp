@@ -55,7 +55,7 @@ nb::dict to_dict(const SolveReport& r) {
 
 Conditions conditions(const In<bool>& fixed, const In<double>& pressure, const In<double>& source,
                       const In<double>& volume_rate) {
-  return {fixed.data(), pressure.data(), source.data(), volume_rate.data()};
+  return {.fixed = fixed.data(), .pressure = pressure.data(), .source = source.data(), .volume_rate = volume_rate.data()};
 }
 
 }  // namespace
@@ -106,14 +106,17 @@ NB_MODULE(poreslip_flow, m) {
       .def(
           "solve",
           [](PoreFlow& self, In<bool> fixed, In<double> pressure, In<double> source, In<double> volume_rate, double dt,
-             double tolerance) {
+             double tolerance, std::optional<In<double>> start) {
             Out out = new_array(pressure.shape(0));
-            const SolveReport r = self.solve(conditions(fixed, pressure, source, volume_rate), dt, tolerance, out.data());
+            Conditions given = conditions(fixed, pressure, source, volume_rate);
+            if (start) given.start = start->data();
+            const SolveReport r = self.solve(given, dt, tolerance, out.data());
             return std::tuple{out, to_dict(r)};
           },
           nb::arg("fixed"), nb::arg("pressure"), nb::arg("source"), nb::arg("volume_rate"), nb::arg("dt"), nb::arg("tolerance"),
-          "Backward Euler over dt (s), or steady for dt <= 0. fixed (m,) bool; pressure (m,) Pa: start, and given values; source "
-          "and volume_rate (m,) m^3/s. Returns pressure (m,) and a report.")
+          nb::arg("start").none() = nb::none(),
+          "Backward Euler over dt (s), or steady for dt <= 0. fixed (m,) bool; pressure (m,) Pa: before, and given values; source "
+          "and volume_rate (m,) m^3/s; start (m,) Pa: of the iteration, None: pressure. Returns pressure (m,) and a report.")
       .def(
           "step_explicit",
           [](PoreFlow& self, In<bool> fixed, In<double> pressure, In<double> source, In<double> volume_rate, double dt,

@@ -163,7 +163,8 @@ def _solve(a: argparse.Namespace, network: PoreNetwork, flow: PoreFlow) -> tuple
     iterations, worst, seconds = 0, 0.0, dict.fromkeys(("assemble", "setup", "solve"), 0.0)
     for step in range(1, a.steps + 1):
         if a.dt is None:
-            result = flow.steady(_boundary(a, 0.0), pressure, tolerance=a.tolerance)
+            # Pressures of 0 everywhere are those of a flow of which nothing is known.
+            result = flow.steady(_boundary(a, 0.0), None if a.initial.number == 0 else pressure, tolerance=a.tolerance)
         else:
             # Backward Euler takes what is given at the step's end.
             boundary = _boundary(a, step * a.dt)

@@ -174,9 +174,10 @@ SolveReport PoreFlow::solve(const Conditions& conditions, double dt, double rela
   assembled_dt_ = std::max(dt, 0.0);
   report.assemble = elapsed(clock);
 
+  const double* const first = conditions.start ? conditions.start : conditions.pressure;
   // Below the rounding of its own terms a residual means nothing.
   const LinearReport linear = solver_.solve(relative_tolerance, rounding * std::sqrt(net[2]), [&](PetscScalar* unknown) {
-    for (std::size_t k = 0; k < free_.size(); ++k) unknown[k] = conditions.pressure[free_[k]] - start_reference;
+    for (std::size_t k = 0; k < free_.size(); ++k) unknown[k] = first[free_[k]] - start_reference;
   });
   report.iterations = linear.iterations;
   report.reason = static_cast<int>(linear.reason);

@@ -14,9 +14,10 @@ namespace poreslip::flow {
 // What acts in one solve. Arrays over all local pores, as the network counts them; values at copies are not used.
 struct Conditions {
   const bool* fixed;            // pores whose pressure is given
-  const double* pressure;       // start, and where fixed the given value, Pa
+  const double* pressure;       // before, and where fixed the given value, Pa
   const double* source;         // given inflow, m^3/s
   const double* volume_rate;    // dV/dt of the pores, m^3/s
+  const double* start = nullptr;  // of the iteration, Pa; null: `pressure`
 };
 
 struct SolveReport {

@@ -162,7 +162,7 @@ Mesh make_mesh(const LocalCells& cells, const LocalGrains& grains) {
                      // The vertex across is the one that the two cells do not share.
                      across = facet[0] ^ facet[1] ^ facet[2];
                      for (int i = 0; i < 4; ++i) across ^= mesh.cell_vertex[i][other];
-                     while (mesh.cell_vertex[place][other] != across) ++place;
+                     for (int i = 1; i < 4; ++i) place += i * (mesh.cell_vertex[i][other] == across);
                    }
                    const std::int32_t f = facets.add(kind, facet, c, other, mesh.cell_vertex[k][c], across);
                    mesh.cell_facet[k][c] = f;

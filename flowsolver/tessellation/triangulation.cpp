@@ -246,13 +246,16 @@ LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, cons
       if (near && box_shaped(v)) take(c, grains_first(v));
     }
   result.neighbour.resize(cells.size());
-  for (std::size_t c = 0; c < cells.size(); ++c)
+  for (std::size_t c = 0; c < cells.size(); ++c) {
+    const std::array<Vertex, 4>& v = result.vertex[c];
+    // Where there are walls, the sorted vertex k is CGAL's vertex of the same name; else nothing was sorted.
+    const bool walled = is_wall(v[3]);
     for (int k = 0; k < 4; ++k) {
-      // The sorted vertex k is CGAL's vertex of the same name.
       int place = k;
-      while (cells[c]->vertex(place)->info() != result.vertex[c][k]) place = (place + 1) % 4;
+      while (walled && cells[c]->vertex(place)->info() != v[k]) place = (place + 1) % 4;
       result.neighbour[c][k] = cells[c]->neighbor(place)->info();
     }
+  }
   for (std::size_t i = 0; i < grains.size(); ++i) result.hidden += grains.own(i) && !seen[i];
   return result;
 }
