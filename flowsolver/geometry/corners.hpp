@@ -11,6 +11,14 @@ namespace poreslip::geometry {
 // Elements that a kernel treats at a time: their corners stay in the first-level cache.
 constexpr std::size_t block_size = 128;
 
+// Asks memory for a block's part of an array, eight blocks ahead: a page further on, where processors do not look by themselves. The array
+// may end before.
+template <class T>
+void ask_ahead(const T* array, std::size_t first) {
+  constexpr std::size_t line = 64 / sizeof(T), ahead = 8 * block_size;
+  for (std::size_t e = 0; e < block_size; e += line) __builtin_prefetch(array + first + ahead + e);
+}
+
 // Coordinates and radii of K corners of each element of a block. A grain is fetched whole and four grains are turned into four
 // columns in registers: gathering each coordinate by itself takes several times as long.
 template <int K>

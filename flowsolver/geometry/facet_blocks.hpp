@@ -29,7 +29,7 @@ void for_each_triangle_block(const FacetView& facets, const GrainView& grains, V
   for (std::size_t first = 0; first < facets.end[0]; first += block_size) {
     const std::size_t count = std::min(block_size, facets.end[0] - first);
     corners.fetch(facets.vertex, grains.packed, first, count);
-    Corners<3>::ask(facets.vertex, grains.packed, first + count, std::min(first + count + block_size, facets.end[0]));
+    for (const Vertex* vertex : facets.vertex) ask_ahead(vertex, first);
     visit(corners, first, count);
   }
 }

@@ -108,6 +108,8 @@ class Lengths {
   void of(std::size_t first, std::size_t count, double* length) {
     // The centroids of two tetrahedra with a common facet are a quarter of their apexes' distance apart.
     const Vertex *l = facets_.left_apex + first, *r = facets_.right_apex + first;
+    ask_ahead(facets_.left_apex, first);
+    ask_ahead(facets_.right_apex, first);
     Vertex any_wall = 0;
     for (std::size_t i = 0; i < count; ++i) any_wall |= l[i] | r[i];
     const auto squares = [&](std::size_t i) {
