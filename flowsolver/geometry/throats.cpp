@@ -156,14 +156,18 @@ std::size_t duct_conductances(const ThroatBlock& throats, double viscosity, doub
   std::size_t raised = 0;
 #pragma omp simd reduction(+ : raised)
   for (std::size_t k = 0; k < throats.count; ++k) {
-    const double least = least_open_share * throats.facet_area[k], area = std::max(throats.open_area[k], std::max(least, 0.0));
+    const double facet = throats.facet_area[k], least = least_open_share * facet, area = std::max(throats.open_area[k], std::max(least, 0.0));
     // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
     // shape has less than a circle.
     const double perimeter = throats.perimeter[k], least_square = 4.0 * std::numbers::pi * area;
-    const bool open = counted[k] && area > 0.0 && perimeter > least_perimeter * std::sqrt(throats.facet_area[k]);
-    const double c = 3.0 * area * area * area / (5.0 * viscosity * std::max(perimeter * perimeter, least_square) * throats.length[k]);
-    conductance[k] = open ? c : 0.0;
-    raised += counted[k] && throats.open_area[k] < least;
+    const double square = perimeter * perimeter, c = 3.0 * area * area * area / (5.0 * viscosity * std::max(square, least_square) * throats.length[k]);
+    conductance[k] = perimeter > 0.0 && square > least_perimeter * least_perimeter * facet ? c : 0.0;
+    raised += throats.open_area[k] < least;
+  }
+  for (std::size_t k = 0; k < throats.count; ++k) {
+    if (counted[k]) continue;
+    conductance[k] = 0.0;
+    raised -= throats.open_area[k] < least_open_share * throats.facet_area[k];
   }
   return raised;
 }
