@@ -331,7 +331,6 @@ void PoreResponse::move(double dt, const double* velocity, const double* wall_ve
   const auto go = [&](std::size_t i, const Four& way) {
     way_[i] = way;
     displacement_[i] += way;
-    force_[i] = apart(i);
     power += drifting_[i] * way;
   };
   if (alone_) {
@@ -347,6 +346,7 @@ void PoreResponse::move(double dt, const double* velocity, const double* wall_ve
   }
   for (std::size_t e = 0; e < wall_before_.size(); ++e) go(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
   drifted_ += middle * (power[0] + power[1] + power[2]);
+  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = apart(i);
 }
 
 // Adds to the forces what comes of the others' displacements. Then they are: on local grains, what this rank knows of them; on walls, over all ranks.
