@@ -1,5 +1,6 @@
 #include "geometry/throats.hpp"
 
+#include <cstring>
 #include <numbers>
 #include <vector>
 
@@ -164,6 +165,7 @@ std::size_t duct_conductances(const ThroatBlock& throats, double viscosity, doub
     conductance[k] = perimeter > 0.0 && square > least_perimeter * least_perimeter * facet ? c : 0.0;
     raised += throats.open_area[k] < least;
   }
+  if (!std::memchr(counted, 0, throats.count)) return raised;
   for (std::size_t k = 0; k < throats.count; ++k) {
     if (counted[k]) continue;
     conductance[k] = 0.0;
