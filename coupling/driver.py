@@ -89,7 +89,7 @@ class Run:
             engine.define(prepared.results_variable([prepared.load_deck(case)], self.directory))
             engine.deck(prepared.load_deck(case), load_variables(case, stage.restart, fault), stage.manifest["grains"])
             _require(case, engine)
-        self._tell_of_the_decks_step(engine)
+        self._tell_of_the_deck(engine)
         if state is None:
             state = self._initial_state(engine, fault, walls) | {"stage": stage.manifest}
         saved = None
@@ -141,7 +141,7 @@ class Run:
         self._tell_of_the_split()
         return flow(case, engine, comm, walls, held, fault.lower, fault.upper, self.phases, saved, self.refuse_unstable)
 
-    def _tell_of_the_decks_step(self, engine) -> None:
+    def _tell_of_the_deck(self, engine) -> None:
         """What the case's checks, and its number of steps, know nothing of."""
         case, step = self.case, engine.time_step
         if not step > 0.0:
@@ -150,6 +150,9 @@ class Run:
             longest = case.stable_time_step_s(case.material.local_damping, case.material.friction > 0.0)
             self._tell(f"{prepared.load_deck(case).name} sets a time step of {step:.3g} s, {step / case.time_step_s:.3g} times the case's: its {case.loading_steps} steps last "
                        f"{case.loading_steps * step:.3g} s, and limits are checked for the case's; the contacts of its grains bear {longest:.3g} s")
+        for fix_id, style in engine.acting_fixes():
+            if style == "nve":
+                self._tell(f"{prepared.load_deck(case).name} moves grains by fix {fix_id} (nve), which never turns them, so that contacts slide where grains would roll; nve/sphere turns them")
 
     def _tell_of_the_split(self) -> None:
         flow = self.case.flow

@@ -179,7 +179,8 @@ void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
     input.count = count;
     input.id = wide.data();
     if (directory_.match(network_.communicator(), input) == GrainDirectory::Match::other)
-      throw ComputationError("the grains are not those that the pore network was made of: some were lost or have come in between");
+      throw ComputationError("the grains are not those that the pore network was made of: some were lost, as where steps are too "
+                             "long for their contacts, or have come in between");
   }
   const LocalGrains& local = network_.local_grains();
   int ranks = 1;

@@ -49,12 +49,13 @@ def test_remarks_in_any_encoding(run_fault, own_decks):
     run_fault(f"decks_directory={own_decks}", "loading.deck_variables.servo_gain=0.7", options=("--checkpoint-every", "100"))
 
 
-def test_a_time_step_of_the_decks_own_is_told(poreslip, tiny_case, own_decks, stage_cache, tmp_path):
+def test_a_time_step_and_a_motion_of_the_decks_own_are_told(poreslip, tiny_case, own_decks, stage_cache, tmp_path):
     """The case's number of steps, and its limits, are of the case's step."""
-    append(own_decks / "in.load", "timestep 1e-8")
+    append(own_decks / "in.load", "timestep 1e-8", "unfix move", "fix move all nve")
     command = ["run", tiny_case, "--only", "dry", "--out", tmp_path / "out", "--set", f"decks_directory={own_decks}"]
     done = poreslip(*command, env={"PORESLIP_CACHE": str(stage_cache)})
     assert done.returncode == 0 and done.stdout.count("in.load sets a time step of 1e-08 s, 0.0989 times the case's: its 396 steps last 3.96e-06 s") == 1, done.stdout
+    assert done.stdout.count("in.load moves grains by fix move (nve), which never turns them") == 1, done.stdout
 
 
 def test_a_variable_of_the_deck_is_set_from_the_case(run_fault, own_decks):
