@@ -93,7 +93,7 @@ def grains_in_a_row(radius, position, ids=None):
     touch = overlap > 0
     pairs = np.stack([ids[:-1], ids[1:]], axis=1).astype(np.int64)[touch]
     nothing = np.zeros((len(pairs), 3))
-    contacts = Contacts(pairs, pairs.astype(np.int32), touch[touch], overlap[touch], nothing, overlap[touch], nothing)
+    contacts = Contacts(pairs, pairs.astype(np.int32), touch[touch], overlap[touch], nothing, overlap[touch], nothing, 0.5 * overlap[touch] ** 2)
     walls = {"x_left": SimpleNamespace(position=-1.0), "x_right": SimpleNamespace(position=1.0)}
     return SimpleNamespace(atom=arrays.__getitem__, contacts=lambda: contacts, wall=walls.__getitem__)
 
