@@ -26,7 +26,8 @@ def plane_through(network: PoreNetwork, fixed: NDArray[np.bool_], given: NDArray
     place = (network.pore_centre - network.lower) / np.where(network.periodic, np.inf, network.lengths)
     largest = max(abs(least), abs(most))
     rows = np.column_stack([np.ones(known.sum()), place[known]])
-    sums = np.concatenate([(rows.T @ rows).ravel(), rows.T @ (given[known] / largest)])
+    # Not by BLAS, which would start threads for so many rows.
+    sums = np.concatenate([np.einsum("ki,kj->ij", rows, rows).ravel(), np.einsum("ki,k->i", rows, given[known] / largest)])
     network.comm.Allreduce(MPI.IN_PLACE, sums)
     plane = np.linalg.lstsq(sums[:16].reshape(4, 4), sums[16:], rcond=SAME_PLANE)[0]
-    return np.clip(largest * (plane[0] + place @ plane[1:]), least, most)
+    return np.clip(largest * (plane[0] + np.einsum("ki,i->k", place, plane[1:])), least, most)
