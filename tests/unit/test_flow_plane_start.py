@@ -47,6 +47,12 @@ def test_one_pressure_is_had_everywhere_and_none_gives_no_plane(network):
     assert start(network, Boundary()) is None
 
 
+def test_no_pressure_beyond_those_that_are_given(network):
+    """One corner of a face is pressed: a plane through it would be below what is given at the other end."""
+    found = start(network, Boundary(pressure={"ymax": lambda x: np.where(x[:, 0] < LOWER[0] + 0.3, 2.0, 1.0)}))
+    assert found.min() == 1.0 and 1.0 < found.max() <= 2.0
+
+
 def test_no_slope_along_a_period():
     network = make_network((True, False, False))
     found = start(network, Boundary(pressure={"ymin": lambda x: 1.0 + 0.3 * (x[:, 0] - LOWER[0]), "ymax": 0.0}))
