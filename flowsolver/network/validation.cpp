@@ -4,6 +4,9 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <numeric>
+
+#include "tessellation/exchange.hpp"
 
 namespace poreslip {
 namespace {
@@ -80,21 +83,13 @@ std::string check_unique_ids(MPI_Comm comm, const std::vector<std::int64_t>& id)
   int ranks = 1;
   MPI_Comm_size(comm, &ranks);
   // Every id goes to the rank that its value names, which sees all its occurrences.
-  std::vector<int> send_count(ranks, 0), send_start(ranks, 0), receive_count(ranks, 0), receive_start(ranks, 0);
+  std::vector<int> send_count(ranks, 0);
   for (const std::int64_t v : id) ++send_count[v % ranks];
-  for (int r = 1; r < ranks; ++r) send_start[r] = send_start[r - 1] + send_count[r - 1];
+  std::vector<int> next(ranks);
+  std::exclusive_scan(send_count.begin(), send_count.end(), next.begin(), 0);
   std::vector<std::int64_t> sent(id.size());
-  std::vector<int> next = send_start;
   for (const std::int64_t v : id) sent[next[v % ranks]++] = v;
-  MPI_Alltoall(send_count.data(), 1, MPI_INT, receive_count.data(), 1, MPI_INT, comm);
-  int total = receive_count[0];
-  for (int r = 1; r < ranks; ++r) {
-    receive_start[r] = total;
-    total += receive_count[r];
-  }
-  std::vector<std::int64_t> received(total);
-  MPI_Alltoallv(sent.data(), send_count.data(), send_start.data(), MPI_INT64_T, received.data(), receive_count.data(),
-                receive_start.data(), MPI_INT64_T, comm);
+  std::vector<std::int64_t> received = exchange(comm, sent, send_count, exchange_counts(comm, send_count));
   std::sort(received.begin(), received.end());
   const auto twice = std::adjacent_find(received.begin(), received.end());
   if (twice == received.end()) return {};
