@@ -17,10 +17,11 @@ from postproc.references import ANALYTIC
 
 from coupling.errors import ComputationError, InputError
 from coupling.results.output import write_atomically
+from coupling.study.files import load_study
 from coupling.study.plan import Plan, Setting
 from coupling.study.revision import revision
 from coupling.study.runner import Runner
-from coupling.study.schema import Observable, Study, load_study
+from coupling.study.schema import Observable, Study
 
 TABLE, FIGURE, PAGE = "error_time.csv", "error_time", "study.md"
 

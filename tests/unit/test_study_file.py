@@ -10,8 +10,8 @@ import pytest
 from coupling.case.files import load_case
 from coupling.errors import InputError
 from coupling.native import REPOSITORY
+from coupling.study.files import load_study
 from coupling.study.plan import Plan, toml
-from coupling.study.schema import load_study
 
 CASE = 'scene = "two_sides"\npressure.left_target_Pa = 1e7\n[[run]]\nname = "wet"\n[[run]]\nname = "dry"\npressure.mode = "none"\npressure.left_target_Pa = 0.0\n'
 STUDY = """\
