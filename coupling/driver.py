@@ -12,8 +12,7 @@ from coupling.engine.liggghts import LiggghtsEngine
 from coupling.errors import InputError
 from coupling.fluid.pore_pressure import PrescribedPressure
 from coupling.loading import Ending, Loading
-from coupling.measures.fault import Measures
-from coupling.measures.sample import SampleMeasures
+from coupling.measures.of_case import measures_of
 from coupling.memory import refuse_too_large
 from coupling.plan import plan
 from coupling.report import write_report
@@ -56,7 +55,7 @@ class Run:
     def __init__(self, case: RunCase, directory: Path, comm, refuse_unstable: bool):
         self.case, self.directory, self.comm, self.refuse_unstable = case, directory, comm, refuse_unstable
         self.phases = Phases()
-        self._measures = Measures if case.has_fault else SampleMeasures
+        self._measures = measures_of(case)
 
     def carry_out(self, restart: bool) -> Ending:
         """Run from the start, or from the newest checkpoint of the directory; collective."""

@@ -236,3 +236,13 @@ OBSERVABLES: dict[str, Callable[..., Observed]] = {
     "pressures": pressures,
     "amplitude": amplitude,
 }
+#: Companions of the measured run that an observable reads.
+COMPANIONS_OF_OBSERVABLE: dict[str, tuple[str, ...]] = {"consolidation": ("dry",)}
+#: Columns of history.csv that an observable reads whatever its arguments; "history" reads those that it is given.
+COLUMNS_READ: dict[str, tuple[str, ...]] = {
+    "history": (),
+    "onset": ("strain", "sigma_n_Pa", "slip_left_m", "slip_right_m"),
+    "slip": ("slip_left_m", "slip_right_m"),
+    "block_stiffness": ("strain", "sigma_h_left_Pa", "sigma_h_right_Pa"),
+    "consolidation": ("time_s", "strain_z", "porosity"),
+}

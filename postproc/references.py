@@ -85,3 +85,5 @@ ANALYTIC: dict[str, Callable[..., np.ndarray]] = {
     "kozeny_carman": kozeny_carman,
     "fourier": fourier,
 }
+#: Companions of the measured run that a reference reads.
+COMPANIONS_OF_ANALYTIC: dict[str, tuple[str, ...]] = {"terzaghi": ("dry", "darcy"), "fourier": ("steady",)}

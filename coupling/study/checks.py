@@ -7,12 +7,12 @@ import shlex
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from postproc.observables import OBSERVABLES
-from postproc.references import ANALYTIC
+from postproc.observables import COLUMNS_READ, COMPANIONS_OF_OBSERVABLE, OBSERVABLES
+from postproc.references import ANALYTIC, COMPANIONS_OF_ANALYTIC
 
 from coupling.case.files import nearest
 from coupling.case.strict import exactly, number
-from coupling.study.schema import Study
+from coupling.study.schema import Observable, Study
 
 #: A setting has at most this many parameters; those that are spread over come on top.
 MOST_PARAMETERS = 3
@@ -123,6 +123,10 @@ def _observed_problems(study: Study):
         yield f"[reference] needs one of settings, value, analytic and file; given {'are ' + ', '.join(given) if given else 'is none'}"
     if reference.analytic and reference.analytic not in ANALYTIC:
         yield f"the analytic reference {reference.analytic} is not known{nearest(reference.analytic, ANALYTIC)}; known are {', '.join(ANALYTIC)}"
+    needed = {f"observable {observable.name}": COMPANIONS_OF_OBSERVABLE.get(observable.name, ()), f"analytic reference {reference.analytic}": COMPANIONS_OF_ANALYTIC.get(reference.analytic, ())}
+    for what, names in needed.items():
+        if lacking := [f"[companion.{name}]" for name in names if name not in study.companions]:
+            yield f"the {what} needs {' and '.join(lacking)}, a run of its own that gives its part, as cases/studies show"
     if reference.file and not (study.directory / reference.file).is_file():
         yield f"there is no reference file {study.directory / reference.file}"
     for one in study.parameters:
@@ -130,3 +134,20 @@ def _observed_problems(study: Study):
             yield f"the reference setting lacks the parameter {one.key}"
         if one.choices and one.key in reference.settings and reference.settings[one.key] not in one.choices:
             yield f"the reference's {one.key} = {reference.settings[one.key]!r} is none of its choices: {', '.join(one.choices)}"
+
+
+def column_problems(observable: Observable, columns: tuple[str, ...], run: str) -> Iterator[str]:
+    """What the observable reads and a run will not write. columns: of the run's history.csv, none where there will be no such file.
+    run: how messages call the run."""
+    if observable.name not in COLUMNS_READ:
+        return
+    if not columns:
+        yield f"the observable {observable.name} is read from history.csv, which poreflow does not write: give [run] a case, or take permeability, report or pressures"
+        return
+    at = {**observable.at, **observable.arguments.get("at", {})}
+    for key, name in [("column", observable.column), ("over", observable.over), *(("at", name) for name in at)]:
+        if name and name not in columns:
+            given = f"at = {{ {name} = {at[name]:g} }}" if key == "at" else f'{key} = "{name}"'
+            yield f"{given} in [observable]: history.csv of {run} will have no such column{nearest(name, columns)}; write one of its columns: {', '.join(columns)}"
+    if lacking := [name for name in COLUMNS_READ[observable.name] if name not in columns]:
+        yield f"the observable {observable.name} reads {', '.join(lacking)}, which history.csv of {run} will not have; give [run] a case that has, or another observable"

@@ -19,6 +19,8 @@ from coupling.case.files import load_case, select_runs
 from coupling.case.run_case import RunCase
 from coupling.case.schema import SECTIONS
 from coupling.errors import InputError
+from coupling.measures.of_case import measures_of
+from coupling.study.checks import column_problems
 from coupling.study.schema import Command, Study
 
 #: Report of poreflow in the directory of its run.
@@ -32,7 +34,8 @@ class Job:
     """One process.
 
     arguments: of Python. results: where its files will be, below the run's directory. digest: of all inputs; runs with the same one
-    are the same run. refused: what is wrong with its inputs, where they are refused beforehand.
+    are the same run. refused: what is wrong with its inputs, where they are refused beforehand. columns: of its history.csv, none where it
+    is refused or writes no such file.
     """
 
     arguments: tuple[str, ...]
@@ -40,6 +43,7 @@ class Job:
     digest: str
     ranks: int
     refused: str = ""
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,7 @@ class Plan:
         combinations = itertools.product(*(one.options for one in study.parameters))
         self.settings = [self._setting(dict(zip((one.key for one in study.parameters), values))) for values in combinations]
         self.references = self._references()
+        self._check_columns()
 
     def _references(self) -> dict[tuple[Any, ...], Setting]:
         """The reference run for each combination of the parameters that are spread over; empty where it is no run."""
@@ -115,14 +120,14 @@ class Plan:
         names = [run.name for run in select_runs(load_case(path), only).runs]
         if len(names) != 1:
             raise InputError(f"{path} stands for {len(names)} runs ({', '.join(names)}), and a study measures one: name it with only = \"...\".")
-        results, refused, resolved = f"{path.stem}/{names[0]}", "", {}
+        results, refused, resolved, columns = f"{path.stem}/{names[0]}", "", {}, ()
         try:
             run = select_runs(load_case(path, overrides), only).runs[0]
-            resolved = run.to_dict() | {"decks": _decks_digest(run)}
+            resolved, columns = run.to_dict() | {"decks": _decks_digest(run)}, measures_of(run).columns(run)
         except InputError as error:
             refused = str(error)
         content = {"version": __version__, "case": resolved, "refused": refused, "ranks": command.ranks}
-        return Job((*arguments, "--out", "."), results, _digest(content), command.ranks, refused)
+        return Job((*arguments, "--out", "."), results, _digest(content), command.ranks, refused, columns)
 
     def _poreflow_job(self, command: Command, inputs: dict[str, Any]) -> Job:
         file, *options = shlex.split(command.poreflow)
@@ -135,6 +140,13 @@ class Plan:
         options += ["--json", POREFLOW_REPORT]
         content = {"version": __version__, "pack": hashlib.sha256(pack.read_bytes()).hexdigest(), "options": options, "ranks": command.ranks}
         return Job(("-m", "flowsolver", str(pack), *options), ".", _digest(content), command.ranks)
+
+    def _check_columns(self) -> None:
+        """Refuse an observable that a run of the study will not show, before any is carried out."""
+        for setting in [*self.references.values(), *self.settings]:
+            job = setting.jobs["run"]
+            for trouble in () if job.refused else column_problems(self._study.observable, job.columns, f"the run {setting}"):
+                raise InputError(f"{self._study.stem}: {trouble}.")
 
     def _check_keys(self) -> None:
         """Refuse keys that no case has and options that poreflow does not know, the nearest known one named."""

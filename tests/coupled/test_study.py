@@ -161,9 +161,18 @@ def test_a_reference_that_fails_ends_the_study(study):
 
 def test_a_reference_without_the_observable_ends_the_study(study):
     """Before its other runs, all of which would lack it as well."""
-    text = RATES.replace('column = "sigma_n_Pa"', 'column = "sigma_Pa"')
+    text = RATES.replace('name = "history"\ncolumn = "sigma_n_Pa"\nover = "strain"', 'name = "report"\nkey = "last.sigma_Pa"')
     message = the_message(study(text)[0], 2)
-    assert "does not show what [observable] asks for: history.csv has no column sigma_Pa; its columns: step, " in message and "kinetic_energy_J" in message
+    assert "does not show what [observable] asks for: the report has no last.sigma_Pa" in message
+
+
+@pytest.mark.parametrize("arguments", [[], ["--dry-run"]])
+def test_a_column_that_no_run_writes_ends_the_study_before_its_runs(study, arguments):
+    text = RATES.replace('column = "sigma_n_Pa"', 'column = "sigma_Pa"').replace('over = "strain"', "").replace('settings = { "loading.strain_rate_per_s" = 5.0 }', "value = 1.0")
+    done, results = study(text, *arguments)
+    message = the_message(done, 2)
+    assert 'column = "sigma_Pa" in [observable]' in message and "columns: step, " in message and "kinetic_energy_J" in message
+    assert not results.parent.exists()
 
 
 def test_lists_of_numbers_are_values_like_others(study):
@@ -191,7 +200,7 @@ def test_a_reference_file_that_is_none_ends_the_study_before_its_runs(study, con
 
 
 def test_a_study_without_any_error_to_tell_has_failed(study):
-    text = RATES.replace('column = "sigma_n_Pa"\nover = "strain"', 'column = "sigma_Pa"').replace('settings = { "loading.strain_rate_per_s" = 5.0 }', "value = 1.0")
+    text = RATES.replace('name = "history"\ncolumn = "sigma_n_Pa"\nover = "strain"', 'name = "report"\nkey = "sigma_Pa"').replace('settings = { "loading.strain_rate_per_s" = 5.0 }', "value = 1.0")
     done, results = study(text)
     assert done.returncode == 3 and "No setting has an error to judge by" in done.stdout
     assert (results / "study.md").is_file()

@@ -40,6 +40,7 @@ settings = { "loading.strain_rate_per_s" = 0.5 }
 def study(tmp_path: Path):
     """`study(old="", new="", text=STUDY)`: path of a study file with one part replaced."""
     (tmp_path / "fault.toml").write_text(CASE)
+    (tmp_path / "box.toml").write_text('scene = "sample"\nflow.kind = "none"\n')
 
     def write(old: str = "", new: str = "", text: str = STUDY) -> Path:
         assert old in text
@@ -148,6 +149,15 @@ REFUSED = {
     "error relative to 0": ('settings = { "loading.strain_rate_per_s" = 0.5 }', "value = 0.0", "value = 0: set relative = false"),
     "empty command": ('case = "fault.toml"\nonly = "dry"\nset = { "pack.seed" = 3 }', 'poreflow = " "', "allowed is the command line of poreflow"),
     "quote without its other": ('case = "fault.toml"\nonly = "dry"\nset = { "pack.seed" = 3 }', 'poreflow = "fault.toml \'--dt"', "with quotes in pairs"),
+    "no companion": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "consolidation"', r"observable consolidation needs \[companion.dry\], a run of its own"),
+    "no companions of a solution": ('column = "sigma_n_Pa"\n\n[reference]\nsettings = { "loading.strain_rate_per_s" = 0.5 }',
+                                    'column = "sigma_n_Pa"\nover = "strain"\n\n[reference]\nanalytic = "terzaghi"', r"terzaghi needs \[companion.dry\] and \[companion.darcy\]"),
+    "column of no history": ('column = "sigma_n_Pa"', 'column = "sigma_m_Pa"', "rate: column = .sigma_m_Pa. in .observable.: history.csv of the run loading.strain_rate_per_s = 0.5 will have "
+                             "no such column .did you mean sigma_._Pa..; write one of its columns: step, .*kinetic_energy_J"),
+    "column to read over": ('column = "sigma_n_Pa"', 'column = "sigma_n_Pa"\nover = "time"', 'over = "time" in .observable.: .*did you mean time_s'),
+    "column to read at": ('column = "sigma_n_Pa"', 'column = "sigma_n_Pa"\nat = { strian = 1e-3 }', "at = { strian = 0.001 } in .observable.: .*did you mean strain"),
+    "column of an argument": ('name = "history"\ncolumn = "sigma_n_Pa"', 'name = "slip"\narguments = { at = { strian = 1e-3 } }', "at = { strian = 0.001 } in .observable.: .*did you mean strain"),
+    "column of a solved flow": ('column = "sigma_n_Pa"', 'column = "pressure_mean_Pa"', "pressure_mean_Pa.*will have no such column"),
     "lacking parameter": ('settings = { "loading.strain_rate_per_s" = 0.5 }', 'settings = { "pack.seed" = 2 }', "lacks the parameter loading.strain_rate_per_s"),
 }
 
@@ -157,6 +167,35 @@ def test_refused(study, name):
     old, new, message = REFUSED[name]
     with pytest.raises(InputError) as refused:
         Plan(load_study(study(old, new)))
+    assert re.search(message, str(refused.value), re.DOTALL), str(refused.value)
+
+
+OTHER_RUN = """\
+tolerance = 0.05
+[run]
+{}
+[[parameter]]
+key = "{}"
+values = [1, 2]
+[observable]
+name = "{}"
+{}
+[reference]
+value = 1.0
+"""
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    (OTHER_RUN.format('case = "box.toml"', "pack.seed", "slip", ""), "observable slip reads slip_left_m, slip_right_m, which history.csv of the run pack.seed = 1 will not have"),
+    (OTHER_RUN.format('case = "box.toml"', "pack.seed", "history", 'column = "slip_left_m"'), "slip_left_m.*write one of its columns: .*porosity"),
+    (OTHER_RUN.format('poreflow = "box.toml --box 0 1 0 1 0 1"', "--dt", "history", 'column = "strain"'), "history is read from history.csv, which poreflow does not write"),
+    # A flow that is not solved has no such column, though the other setting has.
+    (OTHER_RUN.format('case = "fault.toml"\nonly = "wet"', "kind", "history", 'column = "pressure_mean_Pa"').replace(
+        "values = [1, 2]", 'choices.solved = { "flow.kind" = "solve" }\nchoices.given = { "flow.kind" = "prescribed" }'), "history.csv of the run kind = given will have no such column"),
+])  # fmt: skip
+def test_refused_of_other_runs(study, text, message):
+    with pytest.raises(InputError) as refused:
+        Plan(load_study(study(text=text)))
     assert re.search(message, str(refused.value), re.DOTALL), str(refused.value)
 
 
