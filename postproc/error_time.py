@@ -98,8 +98,9 @@ def cost(files: ResultFiles, wall_s: float, cpu_s: float) -> Cost:
         return Cost(cpu_s, wall_s, 0, 0)
     if "loading_cpu_s" in found:
         return Cost(found["loading_cpu_s"], found["loading_wall_s"], int(found["steps"]), int(found["solver"].get("iterations", 0)))
-    # Of poreflow: the computation without the start of the process.
-    return Cost(float(found["cpu_seconds"]), float(found["seconds"]["total"]), int(files.setting.get("--steps", 1)), int(found["iterations"]))
+    # Of poreflow: the computation without the start of the process, and without the files that a study reads.
+    cpu_s, wall_s = found["cpu_seconds"] - found.get("cpu_seconds_files", 0.0), found["seconds"]["total"] - found["seconds"].get("files", 0.0)
+    return Cost(float(cpu_s), float(wall_s), int(files.setting.get("--steps", 1)), int(found["iterations"]))
 
 
 def error_of(observed: Observed, expected: Observed, relative: bool) -> float:

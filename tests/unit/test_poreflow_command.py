@@ -16,7 +16,7 @@ BOX = ["--box", "0", "1", "0", "1", "0", "1"]
 DRIVEN = ["--face", "ymin=1", "--face", "ymax=0", "--viscosity", "10"]
 KEYS = [
     "grains", "pores", "throats", "porosity", "permeability", "outflow", "mass_residual", "momentum_residual", "limited_pores", "limited_throats",
-    "iterations", "ksp_reason", "seconds", "cpu_seconds", "peak_memory_bytes", "ranks",
+    "iterations", "ksp_reason", "seconds", "cpu_seconds", "cpu_seconds_files", "peak_memory_bytes", "ranks",
 ]  # fmt: skip
 
 
@@ -42,8 +42,10 @@ def test_steady_report(pack, tmp_path):
     assert report["permeability"] == pytest.approx(10 * report["outflow"]["ymax"], rel=1e-9)
     assert list(report) == KEYS
     assert report["mass_residual"] < 1e-10 and report["momentum_residual"] < 1e-10
-    assert set(report["seconds"]) == {"tessellate", "geometry", "assemble", "setup", "solve", "forces", "total"}
-    assert 0.0 < report["cpu_seconds"] < float("inf")
+    seconds = report["seconds"]
+    assert set(seconds) == {"tessellate", "geometry", "assemble", "setup", "solve", "forces", "files", "total"}
+    assert seconds["total"] > sum(spent for name, spent in seconds.items() if name != "total") > seconds["files"] > 0.0
+    assert 0.0 < report["cpu_seconds_files"] < report["cpu_seconds"] < float("inf")
     forces = np.load(tmp_path / "forces.npz")
     assert forces["force"].shape == (1000, 3) and forces["force"][:, 1].sum() == pytest.approx(1.0, abs=1e-9)
     assert forces["wall_force"][2] == pytest.approx(1.0, abs=1e-12)

@@ -43,6 +43,32 @@ def written(mpirun, ranks: int, dump: Path, directory: Path) -> tuple[dict, dict
         return json.loads((directory / "out.json").read_text()), dict(forces), pores[np.lexsort(pores[:, :3].round(9).T)]
 
 
+#: The command, and what its process came to by the system's own count.
+PEAK = """
+import sys
+from pathlib import Path
+from flowsolver.command.command_line import main
+from mpi4py import MPI
+status = main(sys.argv[1:])
+peak = 1024 * int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0])
+sums = MPI.COMM_WORLD.gather(peak)
+if sums:
+    print("peak", sum(sums))
+sys.exit(status)
+"""
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_peak_of_memory_is_that_of_all_that_was_done(mpirun, dump, tmp_path, ranks):
+    """Writing loads a library, and puts memory to use, that the computation does not."""
+    done = mpirun(ranks, ["-c", PEAK, *arguments(dump, tmp_path)[2:]])
+    assert done.returncode == 0, done.stderr
+    peak = int(done.stdout.split("peak ")[1])
+    told = json.loads((tmp_path / "out.json").read_text())["peak_memory_bytes"]
+    assert 0.99 * peak < told <= peak
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_files_of_ranks_are_those_of_one(mpirun, dump, tmp_path, ranks):
