@@ -108,7 +108,7 @@ class Loading:
         with self._phases.timed("measures"):
             rows = self._take_breaks()
             figures = self._flow.figures(*self._now()) | {
-                "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._flow.meshes["rebuilt"]}  # fmt: skip
+                "bonds_broken_tension": self._broken[0], "bonds_broken_shear": self._broken[1], "mesh_rebuilds": self._flow.meshes.get("rebuilt", 0)}  # fmt: skip
             row = self._measures.row(self._engine, self._comm, self._time, figures)
         with self._phases.timed("output"), raised_together(self._comm):
             self._output.history(row)

@@ -1,4 +1,7 @@
-"""The report of a run: what it took, how long, and how good it is, as report.json and as a page to read."""
+"""The report of a run: what it took, how long, and how good it is, as report.json and as a page to read.
+
+It holds what the run has: no counts of a mesh, a solver or bonds where there are none.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,8 @@ READINGS = {
     "older-pfc": "material.modulus_Pa is PFC's E_c: k_n = 4 R E_c",
     "literal": "material.modulus_Pa is k_n itself, in N/m",
 }
+#: Beginnings of columns of the history that are of the fluid, and of the bonds: 0 in a run without.
+OF_FLUID, OF_BONDS = ("mesh_", "p_left_", "p_right_", "pressure_", "outflow_"), ("bonds_",)
 PERIMETERS = {
     "duct": "whole: the arcs of the grains and the open gaps between them",
     "hydraulic-radius": "none: a throat's hydraulic radius is its void over its solid surface",
@@ -46,6 +51,14 @@ def _content(case: RunCase, stage, state: dict, loading: Loading, flow, engine: 
              meshes: dict) -> dict:  # fmt: skip
     """What report.json holds. peak, times, network: of all ranks."""
     steps = engine.step
+    of_fluid: dict[str, object] = {}
+    if case.needs_mesh:
+        of_fluid["balances"] = {name: {"worst": loading.worst[name], "final": flow.final.get(name, 0.0)} for name in BALANCES if name in loading.worst}
+        of_fluid |= {name: loading.worst[name] for name in flow.residuals}
+        of_fluid |= {"interval_error": interval} if (interval := flow.interval_figures()) else {}
+        of_fluid |= {"solver": flow.solver} if case.flow.kind == "solve" else {}
+        of_fluid |= {"remeshes": meshes, "pore_network_by_rank": network}
+    broken = {mode: loading.broken[mode] for mode in ("tension", "shear")}
     return {
         "run": case.name,
         "ended": ending.reason,
@@ -60,20 +73,20 @@ def _content(case: RunCase, stage, state: dict, loading: Loading, flow, engine: 
         "peak_memory_bytes_by_rank": peak,
         "warnings": warnings(loading.worst, case.scene, loading.uncounted),
         "quasi_static_checks": loading.worst,
-        "balances": {name: {"worst": loading.worst[name], "final": flow.final.get(name, 0.0)} for name in BALANCES if name in loading.worst},
-        **{name: loading.worst[name] for name in flow.residuals},
-        **({"interval_error": interval} if (interval := flow.interval_figures()) else {}),
-        "solver": flow.solver,
-        "remeshes": meshes,
-        "bonds": stage.manifest.get("bonds", 0),
-        "bonds_broken": {mode: loading.broken[mode] for mode in ("tension", "shear")},
+        **of_fluid,
+        **({"bonds": stage.manifest["bonds"], "bonds_broken": broken} if case.bonded else {}),
         "interpretations": interpretations(case),
         "pack": {name: stage.manifest[name] for name in PACK_FIGURES if name in stage.manifest},
         "reference": state["reference"],
         "wall_speed_limited_steps": {name: engine.wall(name).limited for name in loading.walls.plates},
-        "pore_network_by_rank": network,
-        "last": loading.last,
+        "last": last_line(case, loading.last),
     }
+
+
+def last_line(case: RunCase, line: dict[str, float]) -> dict[str, float]:
+    """The last line of the history without the columns of what the case does not have."""
+    absent = (*(() if case.needs_mesh else OF_FLUID), *(() if case.bonded else OF_BONDS))
+    return {name: value for name, value in line.items() if not name.startswith(absent)}
 
 
 def interpretations(case: RunCase) -> dict[str, object]:
@@ -82,10 +95,10 @@ def interpretations(case: RunCase) -> dict[str, object]:
         "stiffness_reading": READINGS[case.material.stiffness_reading],
         "normal_stiffness_N_per_m": case.normal_stiffness_N_per_m,
         "bond_strength": f"{case.bonds.strength_mean_Pa:g} Pa (standard deviation {case.bonds.strength_sd_Pa:g} Pa) times pi min(R)^2" if case.bonded else "no bonds",
-        "forces": case.flow.forces if case.needs_mesh else "none",
-        "wall_stress": "total: contact force and fluid force over the wall's area",
+        "wall_stress": f"total: {'contact force and fluid force' if case.needs_mesh else 'contact force'} over the wall's area",
     }
     if case.needs_mesh:
+        taken["forces"] = case.flow.forces
         taken["contact_areas"] = "the pore pressure acts all round a grain, contact areas included"
     if case.flow.kind == "solve":
         taken |= {"conductance": case.fluid.conductance, "perimeter": PERIMETERS[case.fluid.conductance]}
@@ -113,15 +126,15 @@ def page(case: RunCase, report: dict) -> str:
     lines += ["", "## How good", "", "| figure | worst | final | stated range ends at | |", "|---|---|---|---|---|"]
     for name, value in report["quasi_static_checks"].items():
         stated = STATED_RANGES.get(name)
-        final = report["balances"].get(name, {}).get("final", report["last"].get(name))
+        final = report.get("balances", {}).get(name, {}).get("final", report["last"].get(name))
         shown = "" if final is None else f"{final:.3g}"
         lines.append(f"| {name} | {value:.3g} | {shown} | {stated.highest if stated else ''} | {stated.what if stated else ''} |")
-    lines += ["", "| count | |", "|---|---|"]
-    lines += [f"| mesh {kind} | {count} |" for kind, count in report["remeshes"].items()]
-    lines += [f"| interval error: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report.get("interval_error", {}).items()]
-    lines += [f"| solver: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report["solver"].items()]
-    lines += [f"| bonds formed | {report['bonds']} |"]
-    lines += [f"| bonds broken in {mode} | {count} |" for mode, count in report["bonds_broken"].items()]
+    counts = [f"| mesh {kind} | {count} |" for kind, count in report.get("remeshes", {}).items()]
+    counts += [f"| interval error: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report.get("interval_error", {}).items()]
+    counts += [f"| solver: {name.replace('_', ' ')} | {value:.4g} |" for name, value in report.get("solver", {}).items()]
+    counts += [f"| bonds formed | {report['bonds']} |"] if "bonds" in report else []
+    counts += [f"| bonds broken in {mode} | {count} |" for mode, count in report.get("bonds_broken", {}).items()]
+    lines += ["", "| count | |", "|---|---|", *counts] if counts else []
     lines += ["", "## What was taken", "", "| input or interpretation | value |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in report["interpretations"].items()]
     lines += [f"| pack: {name} | {value} |" for name, value in report["pack"].items()]

@@ -14,7 +14,7 @@ class OneWayFlow(StandingForces, TwoWayFlow):
     def _prepare_engine(self) -> None:
         # The steps do not ask the fluid, which gives no work that it would lose.
         self._hint = ""
-        del self._worst["work_residual"]
+        self._worst.pop("work_residual", None)
 
     def update(self, progress: float, strain: float, time: float) -> None:
         with self._forces_change():

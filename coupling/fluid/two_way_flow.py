@@ -69,7 +69,9 @@ class TwoWayFlow(Dry):
         self._result: FlowResult | None = None
         self._stored_before: float | None = None
         self._hint = STAGGERED_HINT if self._split == "drained" else ""
-        self._worst = {"momentum_residual": 0.0, "work_residual": 0.0, "mass_residual": 0.0, "remesh_mass_residual": 0.0}
+        # The forces of (2) alone balance neither momentum nor work.
+        on_forces = ("momentum_residual", "work_residual") if self._law == "total" else ()
+        self._worst = dict.fromkeys((*on_forces, "mass_residual", "remesh_mass_residual"), 0.0)
         self._prepare_engine()
 
     def _prepare_engine(self) -> None:

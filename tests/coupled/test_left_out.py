@@ -89,6 +89,45 @@ def test_only_the_phases_of_its_kind_are_entered(probe, kind):
     assert "coupling.fluid.following_intervals" not in modules
 
 
+#: What the report of each kind tells of the fluid: balances, and counts.
+BALANCES = {
+    "dry": set(), "prescribed": {"momentum_residual"}, "one-way": {"momentum_residual", "mass_residual", "remesh_mass_residual"},
+    "two-way": {"momentum_residual", "mass_residual", "remesh_mass_residual", "work_residual"},
+}  # fmt: skip
+OF_MESH = {"balances", "remeshes", "pore_network_by_rank"}
+COUNTS = {"dry": set(), "prescribed": OF_MESH, "one-way": OF_MESH | {"solver"}, "two-way": OF_MESH | {"solver", "interval_error"}}
+
+
+@pytest.mark.parametrize("bonded", [True, False])
+@pytest.mark.parametrize("kind", PHASES)
+def test_the_report_tells_of_what_the_run_has(run_fault, kind, bonded):
+    name, overrides, _ = PHASES[kind]
+    run = run_fault(*overrides, *(() if bonded else ("bonds.enabled=false",)), run=name)
+    report, page = json.loads((run / "report.json").read_text()), (run / "report.md").read_text()
+    of_fluid, balances = COUNTS["two-way"], BALANCES["two-way"]
+    assert of_fluid & set(report) == COUNTS[kind]
+    for told in (report, report["quasi_static_checks"], report.get("balances", {})):
+        assert balances & set(told) == BALANCES[kind]
+    assert all(0.0 < report[name] < 1e-10 for name in BALANCES[kind] & {"momentum_residual", "work_residual"})
+    assert ("mesh kept" in page, "momentum_residual" in page, "solver: " in page) == (kind != "dry", kind != "dry", "way" in kind)
+    assert ("forces" in report["interpretations"]) == ("fluid force" in page) == (kind != "dry")
+    assert {"p_left_Pa", "mesh_rebuilds"} & set(report["last"]) == (set() if kind == "dry" else {"p_left_Pa", "mesh_rebuilds"})
+    assert ("outflow_m3_per_s" in report["last"]) == ("way" in kind)
+    of_bonds = {"bonds", "bonds_broken"} & set(report) | {"bonds_intact", "bonds_broken_shear"} & set(report["last"])
+    assert of_bonds == ({"bonds", "bonds_broken", "bonds_intact", "bonds_broken_shear"} if bonded else set())
+    assert ("bonds formed" in page) == bonded and ("| count |" in page) == (bonded or kind != "dry")
+    # What every run has.
+    assert {"unbalanced_force_ratio", "energy_gain", "held_stress_error", "loading_rate"} <= set(report["quasi_static_checks"])
+    assert {"strain", "slip_left_m", "kinetic_energy_J"} <= set(report["last"])
+
+
+@pytest.mark.parametrize("kind", ["prescribed", "two-way"])
+def test_forces_without_the_drag_have_no_balance_of_momentum(run_fault, kind):
+    name, overrides, _ = PHASES[kind]
+    report = json.loads((run_fault(*overrides, "flow.forces=pressure", run=name) / "report.json").read_text())
+    assert set(report["balances"]) == BALANCES[kind] - {"momentum_residual", "work_residual"} and "momentum_residual" not in report["quasi_static_checks"]
+
+
 def test_only_a_solved_flow_holds_its_memory(probe):
     peaks = []
     for kind in ("dry", "prescribed", "two-way"):
