@@ -136,6 +136,10 @@ bool is_final(const LocalGrains& grains, const WallSpheres& walls, const std::ar
              : within(orthosphere<__float128>(grains, walls, cell, WallShape::sphere), origin, lower, upper, largest_radius);
 }
 
+// Grains are inserted along their curve, but first every 512th of them, then every 64th, and so on: next to where all grains are known on one
+// side and none on the other, cells are long and slender, and those would be made and undone again all the way.
+constexpr std::size_t first_stride = 512, denser = 8;
+
 // The vertex at infinity, beyond the wall spheres.
 constexpr Vertex infinitely_far = std::numeric_limits<Vertex>::min();
 
@@ -177,23 +181,25 @@ LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, cons
     if (walls.present[w]) triangulation.insert(point_of(grains, walls, vertex_of_wall(w)))->info() = vertex_of_wall(w);
 
   Regular::Cell_handle hint;
-  for (std::size_t i = 0; i < grains.size(); ++i) {
-    const WeightedPoint p = point_of(grains, walls, static_cast<Vertex>(i));
-    Regular::Locate_type type;
-    int li = 0, lj = 0;
-    const auto cell = triangulation.locate(p, type, li, lj, hint);
-    if (type == Regular::VERTEX) {
-      char text[160];
-      std::snprintf(text, sizeof text, "grains %lld and %lld have the same centre; remove one of them",
-                    static_cast<long long>(grains.id[cell->vertex(li)->info()]), static_cast<long long>(grains.id[i]));
-      result.coincident = text;
-      return result;
+  for (std::size_t stride = first_stride; stride > 0; stride /= denser)
+    for (std::size_t i = 0; i < grains.size(); i += stride) {
+      if (stride < first_stride && i % (stride * denser) == 0) continue;
+      const WeightedPoint p = point_of(grains, walls, static_cast<Vertex>(i));
+      Regular::Locate_type type;
+      int li = 0, lj = 0;
+      const auto cell = triangulation.locate(p, type, li, lj, hint);
+      if (type == Regular::VERTEX) {
+        char text[160];
+        std::snprintf(text, sizeof text, "grains %lld and %lld have the same centre; remove one of them",
+                      static_cast<long long>(grains.id[cell->vertex(li)->info()]), static_cast<long long>(grains.id[i]));
+        result.coincident = text;
+        return result;
+      }
+      const auto vertex = triangulation.insert(p, type, cell, li, lj);
+      if (vertex == Regular::Vertex_handle()) continue;
+      vertex->info() = static_cast<Vertex>(i);
+      hint = vertex->cell();
     }
-    const auto vertex = triangulation.insert(p, type, cell, li, lj);
-    if (vertex == Regular::Vertex_handle()) continue;
-    vertex->info() = static_cast<Vertex>(i);
-    hint = vertex->cell();
-  }
   if (triangulation.dimension() < 3) {
     result.complete = false;
     return result;
