@@ -1,13 +1,19 @@
 #include "flow/linear_solver.hpp"
 
+#include <HYPRE_parcsr_ls.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 
 #include "flow/petsc_check.hpp"
 #include "flow/petsc_options.hpp"
 #include "flow/sum.hpp"
 #include "tessellation/agreement.hpp"
+
+// PETSc's own, in none of its headers.
+extern "C" PetscErrorCode PCHYPREGetSolver(PC, HYPRE_Solver*);
 
 namespace poreslip::flow {
 namespace {
@@ -21,6 +27,19 @@ constexpr std::int64_t carried_one_in = 50;
 constexpr double changed_share = 0.2;
 
 double elapsed(double since) { return MPI_Wtime() - since; }
+
+// Multigrid's coarser matrices as two products, one after the other: on several ranks that takes a quarter less time than the three at once,
+// HYPRE's default. PETSc has no option for it.
+void ask_for_two_products(KSP solver) {
+  PC preconditioner = nullptr;
+  const char* type = nullptr;
+  check(KSPGetPC(solver, &preconditioner));
+  check(PCHYPREGetType(preconditioner, &type));
+  if (std::strcmp(type, "boomeramg") != 0) return;
+  HYPRE_Solver multigrid = nullptr;
+  check(PCHYPREGetSolver(preconditioner, &multigrid));
+  HYPRE_BoomerAMGSetModuleRAP2(multigrid, 1);
+}
 
 }  // namespace
 
@@ -138,6 +157,8 @@ LinearReport LinearSolver::solve(double relative_tolerance, double least_residua
       PCDestroy(&multigrid_);
       VecDestroy(&multigrid_like_);
       multigrid_entries_.reset();
+      // Of PETSc's copy, which has a row too many, HYPRE cannot take them.
+      if (matrices_.of_hypre) ask_for_two_products(solver_);
     }
     // A preconditioner that serves no longer gets little time. The start may be far off a small right side, as where given
     // pressures drop to 0: that is no divergence.
