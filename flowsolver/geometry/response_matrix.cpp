@@ -1,6 +1,7 @@
 #include "geometry/response_matrix.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace poreslip::geometry {
 namespace {
@@ -34,11 +35,13 @@ void for_each_cell(const CellGradients& cells, const bool* counted, const std::v
   }
 }
 
-// x, y and z of four bodies.
-inline std::array<Four, 3> components(const Four& a, const Four& b, const Four& c, const Four& d) {
-  const Four ab = __builtin_shufflevector(a, b, 0, 4, 2, 6), cd = __builtin_shufflevector(c, d, 0, 4, 2, 6);
-  const Four ab_y = __builtin_shufflevector(a, b, 1, 5, 3, 7), cd_y = __builtin_shufflevector(c, d, 1, 5, 3, 7);
-  return {__builtin_shufflevector(ab, cd, 0, 1, 4, 5), __builtin_shufflevector(ab_y, cd_y, 0, 1, 4, 5), __builtin_shufflevector(ab, cd, 2, 3, 6, 7)};
+// Adds by[r] * to[q] as element q of column r of a block. In parts that are always the same: what was stored just before is then at hand.
+inline void add_columns(double* block, const Four& by, const Four& to) {
+  const Four first = load(block) + __builtin_shufflevector(by, by, 0, 0, 0, 1) * __builtin_shufflevector(to, to, 0, 1, 2, 0);
+  const Four second = load(block + 4) + __builtin_shufflevector(by, by, 1, 1, 2, 2) * __builtin_shufflevector(to, to, 1, 2, 0, 1);
+  std::memcpy(block, &first, sizeof first);
+  std::memcpy(block + 4, &second, sizeof second);
+  block[8] += by[2] * to[2];
 }
 
 }  // namespace
@@ -72,23 +75,23 @@ void ResponseMatrix::connect(const CellGradients& cells, const bool* counted, co
     }
     first_edge.push_back(static_cast<std::int32_t>(high.size()));
   }
-  // A body takes a multiple of four of its edges, so that packs are full, and leaves up to three to bodies that come later.
+  // A body takes as many of its edges as fill packs, and leaves the others to bodies that come later.
   pack_.clear();
-  pack_.reserve((high.size() + bodies) / 4);
+  pack_.reserve((high.size() + bodies) / edges);
   std::vector<std::int32_t> place(high.size()), left_to(bodies, -1), next_left(high.size()), taken;
   for (std::size_t i = 0; i < bodies; ++i) {
     taken.clear();
     for (std::int32_t e = left_to[i]; e >= 0; e = next_left[e]) taken.push_back(~e);
     const std::int32_t own = first_edge[i + 1] - first_edge[i];
-    const std::int32_t spare = std::min(own, static_cast<std::int32_t>((taken.size() + own) % 4));
+    const std::int32_t spare = std::min(own, static_cast<std::int32_t>((taken.size() + own) % edges));
     for (std::int32_t e = first_edge[i]; e < first_edge[i] + spare; ++e) {
       next_left[e] = left_to[high[e]];
       left_to[high[e]] = e;
     }
     for (std::int32_t e = first_edge[i] + spare; e < first_edge[i + 1]; ++e) taken.push_back(e);
     for (std::size_t t = 0; t < taken.size(); ++t) {
-      if (t % 4 == 0) pack_.push_back({{}, {wall, wall, wall, wall}, static_cast<std::int32_t>(i)});
-      const std::int32_t at = static_cast<std::int32_t>(4 * (pack_.size() - 1) + t % 4);
+      if (t % edges == 0) pack_.push_back({.other = {wall, wall, wall, wall}, .body = static_cast<std::int32_t>(i)});
+      const std::int32_t at = static_cast<std::int32_t>(edges * (pack_.size() - 1) + t % edges);
       const bool is_high = taken[t] < 0;
       place[is_high ? ~taken[t] : taken[t]] = is_high ? ~at : at;
     }
@@ -97,56 +100,51 @@ void ResponseMatrix::connect(const CellGradients& cells, const bool* counted, co
   for (std::size_t p = 0; p < pairs.size(); ++p) {
     const std::int32_t at = place[edge_of_pair[p]];
     const std::int32_t number = at < 0 ? ~at : at;
-    Pack& pack = pack_[number / 4];
+    Pack& pack = pack_[number / edges];
     const bool first_is_body = pairs[p].first == pack.body;
-    pack.other[number % 4] = first_is_body ? pairs[p].second : pairs[p].first;
+    pack.other[number % edges] = first_is_body ? pairs[p].second : pairs[p].first;
     place_[p] = first_is_body ? number : ~number;
   }
   own_.resize(9 * bodies + 1);
 }
 
 void ResponseMatrix::assemble(const CellGradients& cells, const bool* counted, const std::vector<Roof>& roofs, const double* stiffness) {
-  for (Pack& pack : pack_) pack.block.fill(Four{});
+  for (Pack& pack : pack_) pack.block = {};
   std::fill(own_.begin(), own_.end(), 0.0);
   auto place = place_.begin();
   for_each_cell(cells, counted, roofs, wall_, [&](std::size_t c, const std::vector<Member>& members) {
     for (std::size_t k = 0; k < members.size(); ++k) {
-      const Four g = members[k].gradient, pushed = -stiffness[c] * g;
-      double* const own = &own_[9 * static_cast<std::size_t>(members[k].body)];
-      for (int q = 0; q < 3; ++q)
-        for (int r = 0; r < 3; ++r) own[3 * q + r] += pushed[r] * g[q];
+      const Four pushed = -stiffness[c] * members[k].gradient;
+      add_columns(&own_[9 * static_cast<std::size_t>(members[k].body)], pushed, members[k].gradient);
       for (std::size_t l = k + 1; l < members.size(); ++l) {
         const std::int32_t at = *place++;
-        const Four& other = members[l].gradient;
-        const int number = at < 0 ? ~at : at, of_k = at < 0 ? 3 : 1, of_l = at < 0 ? 1 : 3;
-        Pack& pack = pack_[number / 4];
-        for (int q = 0; q < 3; ++q)
-          for (int r = 0; r < 3; ++r) pack.block[of_l * q + of_k * r][number % 4] += pushed[r] * other[q];
+        const int number = at < 0 ? ~at : at;
+        const Four &of_body = at < 0 ? members[l].gradient : pushed, &of_other = at < 0 ? pushed : members[l].gradient;
+        add_columns(pack_[number / edges].block[number % edges].data(), of_body, of_other);
       }
     }
   });
 }
 
 void ResponseMatrix::add_mutual(const Four* displacement, Four* force) const {
-  constexpr std::size_t ahead = 32;  // packs: the engine has thrown them out of the near caches. A prefetch past the end does nothing.
+  constexpr std::size_t ahead = 64;  // packs: the engine has thrown them out of the near caches. A prefetch past the end does nothing.
   constexpr Four zero{};
   for (const Pack& pack : pack_) {
     const char* const next = reinterpret_cast<const char*>(&pack + ahead);
-    for (std::size_t line = 0; line < sizeof pack; line += 64) __builtin_prefetch(next + line);
-    const auto& b = pack.block;
-    const auto& other = pack.other;
-    const auto [x, y, z] = components(displacement[other[0]], displacement[other[1]], displacement[other[2]], displacement[other[3]]);
-    const Four own = displacement[pack.body];
-    const double own_x = own[0], own_y = own[1], own_z = own[2];
-    // By columns of four others: on each of them, and what all of them push the body by.
-    const Four fx = b[0] * own_x + b[1] * own_y + b[2] * own_z, fy = b[3] * own_x + b[4] * own_y + b[5] * own_z, fz = b[6] * own_x + b[7] * own_y + b[8] * own_z;
-    const Four by_x = b[0] * x + b[3] * y + b[6] * z, by_y = b[1] * x + b[4] * y + b[7] * z, by_z = b[2] * x + b[5] * y + b[8] * z;
-    const Four xy = __builtin_shufflevector(fx, fy, 0, 4, 2, 6), xy_odd = __builtin_shufflevector(fx, fy, 1, 5, 3, 7);
-    const Four z_even = __builtin_shufflevector(fz, zero, 0, 4, 2, 6), z_odd = __builtin_shufflevector(fz, zero, 1, 5, 3, 7);
-    force[other[0]] += __builtin_shufflevector(xy, z_even, 0, 1, 4, 5);
-    force[other[1]] += __builtin_shufflevector(xy_odd, z_odd, 0, 1, 4, 5);
-    force[other[2]] += __builtin_shufflevector(xy, z_even, 2, 3, 6, 7);
-    force[other[3]] += __builtin_shufflevector(xy_odd, z_odd, 2, 3, 6, 7);
+    for (std::size_t line = 0; line < sizeof pack; line += 64) __builtin_prefetch(next + line, 0, 2);
+    const auto* const own = reinterpret_cast<const double*>(displacement + pack.body);
+    const double x = own[0], y = own[1], z = own[2];
+    Four by_x{}, by_y{}, by_z{};  // their components' sums are what the others push the body by
+#pragma GCC unroll 4
+    for (int edge = 0; edge < edges; ++edge) {
+      const std::int32_t other = pack.other[edge];
+      const double* const block = pack.block[edge].data();
+      const Four column_x = load(block), column_y = load(block + 3), column_z = load(block + 6), way = displacement[other];
+      force[other] += column_x * x + column_y * y + column_z * z;
+      by_x += column_x * way;
+      by_y += column_y * way;
+      by_z += column_z * way;
+    }
     const Four sums = __builtin_shufflevector(by_x, by_y, 0, 4, 2, 6) + __builtin_shufflevector(by_x, by_y, 1, 5, 3, 7);
     const Four sum_z = __builtin_shufflevector(by_z, zero, 0, 4, 2, 6) + __builtin_shufflevector(by_z, zero, 1, 5, 3, 7);
     force[pack.body] += __builtin_shufflevector(sums, sum_z, 0, 1, 4, 5) + __builtin_shufflevector(sums, sum_z, 2, 3, 6, 7);

@@ -40,16 +40,19 @@ class ResponseMatrix {
   void add_mutual(const Four* displacement, Four* force) const;
 
  private:
-  // -K_ij of one body i with four others j: element (r, q) as block[3 * q + r], the four side by side. Of 0 where there is no other.
+  static constexpr int edges = 4;
+
+  // -K_ji by columns of one body i with four others j: what i's displacement along x, y and z has j pushed by. Of 0 where there is no other.
   struct alignas(64) Pack {
-    std::array<Four, 9> block;
-    std::array<std::int32_t, 4> other;
+    std::array<std::array<double, 9>, edges> block{};
+    double after = 0.0;  // is loaded along with the last column
+    std::array<std::int32_t, edges> other;
     std::int32_t body;
   };
 
   std::vector<Pack, HugePages<Pack>> pack_;
   std::vector<double> own_;          // (bodies, 9), and one more: -K_ii by columns
-  std::vector<std::int32_t> place_;  // of the pairs of members k < l of all cells: 4 * pack + lane, or ~ that where l is the pack's body
+  std::vector<std::int32_t> place_;  // of the pairs of members k < l of all cells: edges * pack + edge, or ~ that where l is the pack's body
   std::int32_t wall_ = 0;
 };
 

@@ -333,6 +333,7 @@ void PoreResponse::move(double dt, const double* velocity, const double* wall_ve
     way_[i] = way;
     displacement_[i] += way;
     power += drifting_[i] * way;
+    force_[i] = apart(i);
   };
   if (alone_) {
     // The caller's order is none in space: each grain's entries are fetched well before they are needed.
@@ -346,8 +347,8 @@ void PoreResponse::move(double dt, const double* velocity, const double* wall_ve
     for (std::size_t i = 0; i < grains; ++i) go(i, way_[i]);
   }
   for (std::size_t e = 0; e < wall_before_.size(); ++e) go(grains + 1 + e, Four{dt * wall_velocity[e], 0.0, 0.0, 0.0});
+  force_[grains] = Four{};
   drifted_ += middle * (power[0] + power[1] + power[2]);
-  for (std::size_t i = 0; i < force_.size(); ++i) force_[i] = apart(i);
 }
 
 // Adds to the forces what comes of the others' displacements. Then they are: on local grains, what this rank knows of them; on walls, over all ranks.
