@@ -1,5 +1,6 @@
 """One measurement of flow_update: positions to forces, fresh, the same again, and after small moves. Run by run.py on 1 or more ranks;
-prints one JSON line on rank 0. Pressure is given on ymin and ymax, the other walls are closed.
+prints one JSON line on rank 0. Pressure is given on ymin and ymax, the other walls are closed. With --apart each rank has the whole pack to
+itself, and all begin each update at once: what they take more than one alone is the machine's doing, not that of any parallel code.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ BOUNDARY = Boundary(pressure={"ymin": 1.0, "ymax": 0.0})
 class Updates:
     """Updates of one network and flow, and what each took."""
 
-    def __init__(self, comm: MPI.Comm, upper: np.ndarray, tolerance: float) -> None:
-        self.comm, self.tolerance = comm, tolerance
+    def __init__(self, comm: MPI.Comm, everybody: MPI.Comm, upper: np.ndarray, tolerance: float) -> None:
+        self.comm, self.everybody, self.tolerance = comm, everybody, tolerance
         self.network = PoreNetwork(comm, np.zeros(3), upper)
         self.network.remember_previous()
         self.flow: PoreFlow | None = None
@@ -33,7 +34,7 @@ class Updates:
     def update(self, name: str, ids: np.ndarray, x: np.ndarray, radius: np.ndarray) -> dict:
         """Positions to forces; CPU seconds by part and as a whole, wall seconds as a whole and within the flow: the slowest rank's."""
         seconds: dict[str, float] = {}
-        self.comm.Barrier()
+        self.everybody.Barrier()
         wall, start = time.perf_counter(), time.process_time()
 
         def part(key: str) -> None:
@@ -59,7 +60,7 @@ class Updates:
         self.comm.Barrier()
         seconds["wall"] = time.perf_counter() - wall
         seconds |= result.report["seconds"]
-        slowest = {key: self.comm.allreduce(value, op=MPI.MAX) for key, value in seconds.items()}
+        slowest = {key: self.everybody.allreduce(value, op=MPI.MAX) for key, value in seconds.items()}
         return {"update": name, "mesh": mesh, "iterations": result.report["iterations"], "kept": result.report["preconditioner_kept"], "seconds": slowest}
 
 
@@ -90,12 +91,14 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--grains", type=int, choices=sorted(BLOCKS), required=True)
     parser.add_argument("--tolerance", type=float, default=1e-8)
+    parser.add_argument("--apart", action="store_true")
     parser.add_argument("--move", type=float, default=1e-4, help="of the mean diameter")
     arguments = parser.parse_args()
-    comm = MPI.COMM_WORLD
+    everybody = MPI.COMM_WORLD
+    comm = MPI.COMM_SELF if arguments.apart else everybody
     ids, position, radius, upper = pack(BLOCKS[arguments.grains], comm.rank, comm.size)
     bare = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    updates = Updates(comm, upper, arguments.tolerance)
+    updates = Updates(comm, everybody, upper, arguments.tolerance)
     rows = [updates.update("fresh", ids, position, radius)]
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     rows.append(updates.update("same again", ids, position, radius))
@@ -108,7 +111,7 @@ def main() -> None:
     memory = comm.allreduce((peak - bare) * 1024) / total
     peaks = comm.allreduce(peak * 1024)
     pores = updates.network.report()["pores"]
-    if comm.rank == 0:
+    if everybody.rank == 0:
         print(json.dumps({"grains": total, "pores": pores, "ranks": comm.size, "bytes_per_grain": memory, "peak": peaks, "rates": rates, "rows": rows}), flush=True)
 
 

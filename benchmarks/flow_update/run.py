@@ -7,6 +7,10 @@ Each row is one update, everything in it: mesh, conductances, solve at rtol 1e-8
 mesh, preconditioner and start; "moved" moves every grain by 1e-4 of a diameter. Seconds are CPU seconds of the slowest rank but for
 "wall" and the last three columns (parts of "flow"), which are wall time. YADE's rows are its own script's, on the same pack
 (yade_flow.py): "kept" has the factor at hand; "coupled" is DEM and flow together, meshed anew every 200 steps.
+
+How many times as fast several ranks are as one stands below the table, wall time, beside the most that the machine leaves room for: as many
+times as there are ranks, by the wall time of one alone over that of as many runs of one rank at once, each with a whole pack to itself
+(measure.py --apart). All of them are run in turn, --repeats times, and each row is that of the repeat in which it took least.
 """
 
 from __future__ import annotations
@@ -29,12 +33,37 @@ YADE_MOST = 100_000
 """Above this YADE's corrupts its heap."""
 
 
-def measure(grains: int, ranks: int) -> dict:
-    command = [*MPIRUN, "-n", str(ranks), sys.executable, str(HERE / "measure.py"), "--grains", str(grains)]
+def measure(grains: int, ranks: int, apart: bool = False) -> dict:
+    command = [*MPIRUN, "-n", str(ranks), sys.executable, str(HERE / "measure.py"), "--grains", str(grains), *["--apart"] * apart]
     done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(HERE.parents[1])}, capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stderr)
     return json.loads(done.stdout)
+
+
+def best(before: dict, result: dict) -> dict:
+    """Of two measurements of the same, each row of the one in which it took less, and each kernel's greater rate."""
+    rows = [min(pair, key=lambda row: row["seconds"]["wall"]) for pair in zip(before["rows"], result["rows"], strict=True)]
+    return result | {"rows": rows, "rates": {kernel: max(rate, before["rates"][kernel]) for kernel, rate in result["rates"].items()}}
+
+
+def measure_in_turn(grains: int, ranks: list[int], repeats: int) -> tuple[dict[int, dict], dict[int, dict]]:
+    """By number of ranks: what they do together, and, beside one rank, what as many do at once, each by itself."""
+    together: dict[int, dict] = {}
+    apart: dict[int, dict] = {}
+    for _ in range(repeats):
+        for number in ranks:
+            result = measure(grains, number)
+            together[number] = best(together.get(number, result), result)
+            if number > 1 and 1 in ranks:
+                result = measure(grains, number, apart=True)
+                apart[number] = best(apart.get(number, result), result)
+    return together, apart
+
+
+def speeds(one: list[dict], several: list[dict], factor: int = 1) -> str:
+    """How many times as fast, by update."""
+    return ", ".join(f"{a['update'].split()[0]} {factor * a['seconds']['wall'] / b['seconds']['wall']:.2f}" for a, b in zip(one, several, strict=True))
 
 
 def yade(grains: int, steps: int) -> dict:
@@ -54,13 +83,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", type=int, nargs="+", default=[8_000, 100_000], choices=SIZES)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--no-yade", dest="yade", action="store_false", help="leave YADE out, although it is installed")
     arguments = parser.parse_args()
     print(f"{'grains':>8} {'ranks':>5} {'update':>13} {'mesh':>8} {'iter':>4}" + "".join(f"{part:>11}" for part in PARTS) + f"{'grains/s':>10}{'B/grain':>8}")
     for grains in arguments.sizes:
         fresh, notes = 0.0, []
-        for ranks in arguments.ranks:
-            result = measure(grains, ranks)
+        together, apart = measure_in_turn(grains, arguments.ranks, arguments.repeats)
+        for ranks, result in together.items():
             for row in result["rows"]:
                 seconds = "".join(f"{row['seconds'][part]:11.3f}" for part in PARTS)
                 memory = f"{result['bytes_per_grain']:8.0f}" if row["update"] == "fresh" else ""
@@ -70,6 +100,10 @@ def main() -> None:
                 fresh = result["rows"][0]["seconds"]["cpu"]
             rates = ", ".join(f"{name} {rate / 1e6:.0f} M/s" for name, rate in result["rates"].items())
             notes.append(f"{ranks} rank(s): peak {result['peak'] / 2**30:.2f} GiB; each rank's kernels: {rates}")
+        for ranks in apart:
+            one = together[1]["rows"]
+            notes.append(f"{ranks} ranks over one: {speeds(one, together[ranks]['rows'])}")
+            notes.append(f"{ranks} ranks over one, the most of this machine: {speeds(one, apart[ranks]['rows'], ranks)}")
         if arguments.yade and grains <= YADE_MOST and shutil.which("yade"):
             peer = yade(grains, COUPLED_STEPS if grains <= 10_000 else 0)
             print(f"{grains:>8} {'YADE':>5} {'fresh':>13} {'':>13}{'':55}{peer['fresh']:11.3f}{'':44}{grains / peer['fresh']:10.3g}{peer['bytes_per_grain']:8.0f}")
