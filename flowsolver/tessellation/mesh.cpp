@@ -119,8 +119,15 @@ Vertex leading_vertex(const Vertex* vertex, int count, const LocalGrains& grains
 }
 
 bool belongs_here(const Vertex* vertex, int count, const LocalGrains& grains) {
-  const Vertex first = leading_vertex(vertex, count, grains);
-  return first >= 0 && grains.own(first);
+  // Of most all grains are own ones, whichever leads.
+  bool all = true, any = false;
+  for (int k = 0; k < count; ++k) {
+    if (is_wall(vertex[k])) continue;
+    const bool own = grains.own(vertex[k]);
+    all = all && own;
+    any = any || own;
+  }
+  return any && (all || grains.own(leading_vertex(vertex, count, grains)));
 }
 
 Mesh make_mesh(const LocalCells& cells, const LocalGrains& grains) {
@@ -137,7 +144,12 @@ Mesh make_mesh(const LocalCells& cells, const LocalGrains& grains) {
   }
   const bool all_own = knows_all(grains);
   std::vector<std::array<std::int32_t, 4>> neighbour(n);
+  constexpr std::size_t ahead = 16;  // cells asked of memory before they are needed
   for (std::size_t c = 0; c < n; ++c) {
+    if (c + ahead < n) {
+      __builtin_prefetch(&cells.vertex[order[c + ahead]]);
+      __builtin_prefetch(&cells.neighbour[order[c + ahead]]);
+    }
     const auto& v = cells.vertex[order[c]];
     for (int k = 0; k < 4; ++k) {
       mesh.cell_vertex[k][c] = v[k];

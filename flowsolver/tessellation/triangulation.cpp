@@ -210,7 +210,7 @@ LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, cons
   const bool all_own = std::all_of(grains.source.begin(), grains.source.end(), [](std::int32_t s) { return s >= 0; });
   const bool check = bounded(known_lower, known_upper);
   std::vector<bool> seen(grains.size(), false);
-  std::vector<Regular::Cell_handle> cells;
+  std::vector<Regular::Cell_handle> cells, others;
   cells.reserve(triangulation.tds().number_of_cells());
   result.vertex.reserve(cells.capacity());
   const auto vertices_of = [](Regular::Cell_handle c) {
@@ -229,7 +229,10 @@ LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, cons
       touches = touches || (!is_wall(g) && (all_own || grains.own(g)));
       walled = walled || is_wall(g);
     }
-    if (!touches) continue;
+    if (!touches) {
+      others.push_back(c);
+      continue;
+    }
     if (walled && !box_shaped(v)) {
       result.complete = false;
       return result;
@@ -245,17 +248,19 @@ LocalCells triangulate(const LocalGrains& grains, const WallSpheres& walls, cons
   }
   result.touching = cells.size();
   if (!all_own)
-    for (auto c = triangulation.tds().cells_begin(); c != triangulation.tds().cells_end(); ++c) {
-      if (c->info() >= 0) continue;
+    for (const Regular::Cell_handle c : others) {
       const std::array<Vertex, 4> v = vertices_of(c);
       const bool near = std::any_of(v.begin(), v.end(), [&seen](Vertex g) { return !is_wall(g) && seen[g]; });
       if (near && box_shaped(v)) take(c, grains_first(v));
     }
   result.neighbour.resize(cells.size());
+  constexpr std::size_t ahead = 16;  // cells whose neighbours are asked of memory before they are needed
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const std::array<Vertex, 4>& v = result.vertex[c];
     // Where there are walls, the sorted vertex k is CGAL's vertex of the same name; else nothing was sorted.
     const bool walled = is_wall(v[3]);
+    if (c + ahead < cells.size())
+      for (int k = 0; k < 4; ++k) __builtin_prefetch(&cells[c + ahead]->neighbor(k)->info());
     for (int k = 0; k < 4; ++k) {
       int place = k;
       while (walled && cells[c]->vertex(place)->info() != v[k]) place = (place + 1) % 4;
