@@ -121,8 +121,8 @@ void announce(const Matrices& matrices) {
 }
 
 void destroy(Matrices& matrices) {
-  check(MatDestroy(&matrices.of_hypre));
-  check(MatDestroy(&matrices.system));
+  MatDestroy(&matrices.of_hypre);
+  MatDestroy(&matrices.system);
 }
 
 }  // namespace poreslip::flow

@@ -1,6 +1,7 @@
 // PETSc's return codes become exceptions here, and nowhere else.
 #pragma once
 
+#include <HYPRE_utilities.h>
 #include <petscsys.h>
 
 #include <string>
@@ -20,7 +21,10 @@ inline std::string words_of(PetscErrorCode code) {
 }
 
 inline void check(PetscErrorCode code) {
-  if (code != 0) throw ComputationError("PETSc error " + std::to_string(code) + ": " + words_of(code));
+  if (code == 0) return;
+  // HYPRE remembers an error, and would refuse whatever comes after it.
+  if (code == PETSC_ERR_LIB) HYPRE_ClearAllErrors();
+  throw ComputationError("PETSc error " + std::to_string(code) + ": " + words_of(code));
 }
 
 // For what reads the user's options, which all ranks have alike.
