@@ -56,7 +56,7 @@ def parser() -> argparse.ArgumentParser:
     )
     # argparse alone would take -1e-3 for an option.
     p._negative_number_matcher = _NEGATIVE_NUMBER
-    p.add_argument("pack", type=Path, help="text with x y z r on each line, or a LIGGGHTS or LAMMPS dump with id x y z radius")
+    p.add_argument("pack", type=Path, help="text with x y z r on each line, or a LIGGGHTS or LAMMPS dump with x y z radius")
     p.add_argument("--box", type=float, nargs=6, metavar=("XLO", "XHI", "YLO", "YHI", "ZLO", "ZHI"), help="m; a dump brings its own")
     p.add_argument("--periodic", metavar="AXES", help='periodic directions, such as xz; the others have walls; a dump brings its own, "" is none')
     p.add_argument("--face", type=_face, action="append", default=[], metavar="FACE=VALUE", help="pressure at a wall, Pa; the others are closed")

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from flowsolver.command.lines_of_file import Table, places_of, read_rows, size_and_start
 from flowsolver.network import InputError
 
-_COLUMNS = ("id", "x", "y", "z", "radius")
+# What dump custom calls places, as they are, unwrapped, or scaled by the box, and sizes, with their shares of a diameter.
+_PLACES = (("x", "y", "z"), ("xu", "yu", "zu"), ("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
+_SIZES = {"radius": 1.0, "diameter": 0.5}
 
 
 @dataclass(frozen=True)
 class Grains:
     """One rank's share of a pack.
 
-    id : (n,) int64; of a text, numbered from 0 in the file's order
+    id : (n,) int64; of a text, or a dump without ids, numbered from 0 in the file's order
     position : (n, 3) float64, m
     radius : (n,) float64, m
     box : (6,) float64, m, x low, x high, ... of a dump; else None
@@ -37,7 +39,8 @@ def read_grains(comm: MPI.Comm, path: Path) -> Grains:
     """Read a pack; of a dump with several steps the last. Collective: the ranks' shares are in slabs of about equal numbers along the
     pack's longest side, and no rank holds more than its own."""
     size, start = size_and_start(comm, path)
-    grains = _read_dump(comm, path, size, start) if start.startswith(b"ITEM:") else _read_text(comm, path, size)
+    dump = start.startswith(b"ITEM:") or b"\nITEM: TIMESTEP" in start
+    grains = _read_dump(comm, path, size, start) if dump else _read_text(comm, path, size)
     return _in_slabs(comm, grains)
 
 
@@ -52,12 +55,13 @@ def _read_text(comm: MPI.Comm, path: Path, size: int) -> Grains:
 
 @dataclass(frozen=True)
 class _Header:
-    """Of one step of a dump; `body` is the byte after it."""
+    """Of one step of a dump; `used` are the columns that are read, of an id where there is one, the place, the size; `body` is the byte after it."""
 
     count: int
     box: NDArray[np.float64]
     boundary: tuple[str, ...] | None
     columns: list[str]
+    used: list[str]
     body: int
 
 
@@ -74,17 +78,26 @@ def _read_dump(comm: MPI.Comm, path: Path, size: int, start: bytes) -> Grains:
     header, fault = comm.bcast((header, fault))
     if fault:
         raise InputError(fault)
-    columns = tuple(header.columns.index(name) for name in _COLUMNS)
+    if header.count == 0:
+        raise InputError(f"there are no grains in the last step of {path}: a pore network needs at least one")
+    columns = tuple(header.columns.index(name) for name in header.used)
     rows = read_rows(comm, path, header.body, size, Table(columns, None, f"a dump's {' '.join(header.columns)}"))
     found = comm.allreduce(len(rows))
     if found != header.count:
         said = f"ends after {found} of {header.count} grains" if found < header.count else f"has {found} lines for {header.count} grains in its last step"
         raise InputError(f"{path} {said}; dump it anew")
+    first, (*place, size_name) = int("id" in header.used), header.used[-4:]
+    position, radius = rows[:, first : first + 3], _SIZES[size_name] * rows[:, -1]
+    if place[0].startswith("xs"):
+        position = header.box[::2] + position * (header.box[1::2] - header.box[::2])
+    if not first:
+        before = sum(comm.allgather(len(rows))[: comm.rank])
+        return Grains(np.arange(before, before + len(rows)), position, radius, header.box, header.boundary)
     wrong = rows[:, 0][~(np.abs(rows[:, 0]) < 2.0**53) | (rows[:, 0] % 1 != 0)]
     for number in comm.allgather(float(wrong[0]) if len(wrong) else None):
         if number is not None:
             raise InputError(f"{path}: a grain has id {number:g}: expected whole numbers below 2^53")
-    return Grains(rows[:, 0].astype(np.int64), rows[:, 1:4], rows[:, 4], header.box, header.boundary)
+    return Grains(rows[:, 0].astype(np.int64), position, radius, header.box, header.boundary)
 
 
 def _header(path: Path, at: int) -> _Header:
@@ -102,11 +115,15 @@ def _header(path: Path, at: int) -> _Header:
                 box = np.array([file.readline().split()[:2] for _ in range(3)], float).ravel()
             elif "ITEM: ATOMS" in line:
                 columns = line.split()[2:]
-                if missing := [name for name in _COLUMNS if name not in columns]:
-                    raise InputError(f"{path} has no column {missing[0]}: expected a dump custom with {' '.join(_COLUMNS)}, has {' '.join(columns)}")
+                place = next((names for names in _PLACES if set(names) <= set(columns)), None)
+                size = next((name for name in _SIZES if name in columns), None)
+                if missing := "x y z" if place is None else "radius" if size is None else "":
+                    kinds = f"{', '.join(' '.join(names) for names in _PLACES)}, and {' or '.join(_SIZES)}"
+                    raise InputError(f"{path} has no column {missing}: expected a dump custom with {kinds}; it has {' '.join(columns)}")
                 if count is None or box is None:
                     raise InputError(f"{path}: its last step has no {'BOX BOUNDS' if box is None else 'NUMBER OF ATOMS'}; expected what dump custom writes")
-                return _Header(count, box, boundary, columns, file.tell())
+                used = [*(["id"] if "id" in columns else []), *place, size]
+                return _Header(count, box, boundary, columns, used, file.tell())
     raise InputError(f"{path} is a dump whose last step has no ITEM: ATOMS; dump it anew")
 
 

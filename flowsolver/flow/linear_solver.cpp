@@ -72,6 +72,11 @@ void LinearSolver::make_solver() {
   check(KSPCreate(comm_, &solver_));
   check(KSPSetOptionsPrefix(solver_, "flow_"));
   check_options(KSPSetFromOptions(solver_));
+  PetscBool once = PETSC_FALSE;
+  check(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(solver_), KSPPREONLY, &once));
+  if (once)
+    throw InputError("-flow_ksp_type preonly would take whatever a preconditioner gives, with no look at what is left: for a direct solver give "
+                     "-flow_pc_type cholesky alone, which ends after an iteration or two");
   check(KSPSetInitialGuessNonzero(solver_, PETSC_TRUE));
 }
 

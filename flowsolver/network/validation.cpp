@@ -20,6 +20,9 @@ namespace {
   return buffer;
 }
 
+// m, of a box: beyond, squares of its volumes are no numbers of the computer any more.
+constexpr double least_length = 1e-40, most_length = 1e40;
+
 // Of the box's length, for a grain's diameter: one that reaches from wall to wall may overlap both as pressed grains do.
 constexpr double most_of_box = 1.1;
 
@@ -33,6 +36,8 @@ std::string check_domain(const Domain& domain) {
     if (!std::isfinite(domain.lower[d]) || !std::isfinite(domain.upper[d]) || !(domain.upper[d] > domain.lower[d]))
       return text("the box from %g to %g m in %c is not a box: lower and upper must be finite and lower < upper",
                   domain.lower[d], domain.upper[d], axis_name[d]);
+    if (const double length = domain.upper[d] - domain.lower[d]; !(length >= least_length && length <= most_length))
+      return text("the box is %g m long in %c: expected %g to %g m; look at its unit", length, axis_name[d], least_length, most_length);
   }
   return {};
 }

@@ -145,6 +145,28 @@ def test_a_dumps_own_box_and_periods(pack, tmp_path, capsys):
     assert capsys.readouterr().err == f"poreflow: {dump} has a box of its own, 0 1 0 1 0 1 m: taken is --box\n"
 
 
+@pytest.mark.parametrize("columns", ["xs ys zs diameter", "radius id yu xu zu", "vx id z y x diameter radius"])
+def test_a_dump_of_other_columns(pack, tmp_path, columns):
+    """Scaled by the box, without ids; unwrapped, some grains periods away; both sizes. A line of the maker's own stands first."""
+    spheres = np.loadtxt(pack)
+    away = np.random.default_rng(1).integers(-2, 3, (1000, 2)) * [1.0, 2.0]
+    value = {"id": np.arange(1000), "radius": spheres[:, 3], "diameter": 2 * spheres[:, 3], "vx": np.full(1000, np.nan)}
+    for k, axis in enumerate("xyz"):
+        low, period = (0.0, 1.0, 0.0)[k], (1.0, 1.0, 2.0)[k]
+        plain = low + period * spheres[:, k]
+        value |= {axis: plain, f"{axis}s": spheres[:, k], f"{axis}u": plain + (away[:, k // 2] if axis != "y" else 0.0)}
+    rows = "".join(" ".join(f"{value[name][k]:.17g}" for name in columns.split()) + "\n" for k in range(1000))
+    dump, text = tmp_path / "dump.grains", tmp_path / "text"
+    dump.write_text(f"# of mine\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1000\nITEM: BOX BOUNDS pp ff pp\n0 1\n1 2\n0 2\nITEM: ATOMS {columns}\n{rows}")
+    np.savetxt(text, np.column_stack([value["x"], value["y"], value["z"], value["radius"]]), fmt="%.17g")
+    forces = [tmp_path / "dump.npz", tmp_path / "text.npz"]
+    found = report_of(tmp_path, dump, *DRIVEN, "--forces", forces[0])
+    expected = report_of(tmp_path, text, "--box", "0", "1", "1", "2", "0", "2", "--periodic", "xz", *DRIVEN, "--forces", forces[1])
+    assert found["permeability"] == pytest.approx(expected["permeability"], rel=1e-9)
+    np.testing.assert_array_equal(np.load(forces[0])["id"], np.arange(1000))
+    np.testing.assert_allclose(np.load(forces[0])["force"], np.load(forces[1])["force"], rtol=0, atol=1e-9 * np.abs(np.load(forces[1])["force"]).max())
+
+
 def history_of(path: Path) -> dict[str, np.ndarray]:
     with open(path, newline="") as file:
         rows = list(csv.DictReader(file))
@@ -174,6 +196,14 @@ def test_pressures_by_place_and_time(pack, tmp_path):
     assert history["pressure_max"][0] == 0.0
     assert history["pressure_mean"][1] == pytest.approx(5e4, rel=0.02) and history["pressure_mean"][2] == pytest.approx(history["pressure_mean"][1], rel=1e-6)
     assert abs(history["pressure_max"][3]) < 1e-3
+
+
+@pytest.mark.parametrize("other", [("--face", "xmin=1"), ("--point", "0.5", "0.5", "0.5", "0"), ("--source", "0.5", "0.5", "0.5", "1e-3"), ("--inflow", "xmin=1e-3")])
+def test_a_flow_with_other_ways_in_or_out_tells_no_permeability(pack, tmp_path, other):
+    alone = report_of(tmp_path, pack, *BOX, *DRIVEN)
+    assert alone["permeability"] > 0
+    more = report_of(tmp_path, pack, *BOX, *DRIVEN, *other)
+    assert more["permeability"] is None and abs(more["outflow"]["ymax"] / alone["outflow"]["ymax"] - 1) > 1e-6
 
 
 def test_what_enters_at_a_point_leaves(pack, tmp_path):
@@ -242,13 +272,14 @@ REFUSED = {
     "petsc tolerance": (["PACK", *BOX, *DRIVEN, "-flow_ksp_rtol", "1e-3"], "give --tolerance"),
     "misspelt petsc": (["PACK", *BOX, *DRIVEN, "-flow_ksp_tpye", "cg"], "-flow_ksp_tpye is no option .*did you mean -flow_ksp_type"),
     "other solver's option": (["PACK", *BOX, *DRIVEN, "-flow_pc_type", "jacobi", "-flow_pc_hypre_boomeramg_P_max", "2"], "-flow_pc_hypre_boomeramg_P_max is no"),
+    "solver that looks at nothing": (["PACK", *BOX, *DRIVEN, "-flow_ksp_type", "preonly", "-flow_pc_type", "lu"], "give -flow_pc_type cholesky alone"),
     "without prefix": (["PACK", *BOX, *DRIVEN, "--petsc", "-ksp_type gmres"], "-ksp_type is no option .*did you mean -flow_ksp_type"),
     "petsc value": (["PACK", *BOX, *DRIVEN, "-flow_pc_type", "hyper"], "has a value that it does not take: .*hyper"),
     "petsc of no solve": (["PACK", *BOX, *DRIVEN, "--dt", "1e-13", "--explicit", "-flow_pc_type", "jacobi"], "explicit steps have no linear solver"),
     "shrunk dump": (["SHRUNK"], "the box of .*shrunk is shrunk onto its grains in xz .BOX BOUNDS ss ff sf.* give --box"),
     "tilted dump": (["TILTED"], "^poreflow: [^ ]*tilted: its box is tilted .BOX BOUNDS xy xz yz pp pp pp., which"),
     "dump tilted in general": (["GENERAL"], "its box is tilted .BOX BOUNDS abc origin., which"),
-    "dump without radius": (["BARE"], "^poreflow: [^ ]*bare has no column radius: expected a dump custom with id x y z radius, has id x y z"),
+    "dump without radius": (["BARE"], "^poreflow: [^ ]*bare has no column radius: expected a dump custom with x y z, .* and radius or diameter; it has id x y z"),
     "face of a dump's period": (["WRAPPED", *DRIVEN], "face 'ymin' is periodic"),
     "nowhere to write": (["PACK", *BOX, *DRIVEN, "--json", "/no/such/place/out.json"], "--json /no/such/place/out.json: there is no directory /no/such/place"),
     "onto a directory": (["PACK", *BOX, *DRIVEN, "--vtu", "/"], "--vtu /: it is a directory"),
@@ -265,7 +296,10 @@ REFUSED = {
     "endless formula": (["PACK", *BOX, "--face", f"xmin={'+'.join(['x'] * 5000)}"], "'x.x.x.*[.]{3}'"),
     "pressure of some time": (["PACK", *BOX, "--face", "xmin=1/(t-1)", "--dt", "0.5", "--steps", "3"], "the pressure of face 'xmin' is not a finite number"),
     "sealed": (["PACK", *BOX, "--source", "0.5", "0.5", "0.5", "1e-6"], "the sources do not balance"),
-    "empty dump": (["NOBODY", *DRIVEN], "there are no grains"),
+    "empty dump": (["NOBODY", *DRIVEN], "there are no grains in the last step of .*nobody"),
+    "dump of other places": (["ODD", *DRIVEN], "odd has no column x y z: expected a dump custom with"),
+    "box of no size": (["PACK", "--box", "0", "1e-50", "0", "1e-50", "0", "1e-50", *DRIVEN], "the box is 1e-50 m long in x: expected 1e-40 to 1e.40 m; look at its unit"),
+    "box of every size": (["PACK", "--box", "0", "1", "0", "1e80", "0", "1", *DRIVEN], "the box is 1e.80 m long in y"),
     "same id": (["SAME", *DRIVEN], "id 3 occurs more than once"),
     "no whole id": (["HALF_ID", *DRIVEN], "a grain has id 2.5: expected whole numbers"),
     "no such id": (["NEGATIVE_ID", *DRIVEN], "id -3 is negative"),
@@ -279,6 +313,7 @@ DUMPS = {
     "TILTED": (1, "xy xz yz pp pp pp", "id x y z radius"),
     "GENERAL": (1, "abc origin", "id x y z radius"),
     "BARE": (1, "ff ff ff", "id x y z"),
+    "ODD": (1, "ff ff ff", "id x yu z radius"),
     "WRAPPED": (1, "ff pp ff", "id x y z radius"),
     "NOBODY": (0, "ff ff ff", "id x y z radius"),
     "SAME": (2, "ff ff ff", "id x y z radius"),
