@@ -4,7 +4,8 @@
     python benchmarks/overhead/run.py --repeats 5 --scene sample
 
 Each figure is the median over the repeats, and a step's time is the difference of a long and a short run over their difference of
-steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The stock program runs the
+steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The last column is less at the mercy of the
+host: what the flow's own phases took of the long run, over all other phases of the same run. The stock program runs the
 deck of the loading stage with the same values; it gets our styles by preloading (preload_styles.cpp), for LIGGGHTS has no walls and bonds of that
 kind, and writes neither history nor report.
 """
@@ -12,6 +13,7 @@ kind, and writes neither history nor report.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import shutil
@@ -34,6 +36,8 @@ FAULT, SAMPLE = "cases/two_sides/quick.toml", "cases/consolidation/consolidation
 #: solves with the tolerance that this study recommends, beside even intervals.
 SAMPLE_8000 = ("pack.box_m=[0.038, 0.038, 0.038]", "fluid.viscosity_Pa_s=5.26", "sample.ramp_time_s=2.85e-5")
 LONGEST, TOLERANCE, EVEN = 600, 0.16, 200
+#: Phases of a report that a dry run has, too.
+OF_DRY = {"stages", "engine", "measures", "output"}
 #: Those are asked for, not overhead.
 NO_SNAPSHOTS = "output.snapshots=0"
 #: So small pressures change no trajectory. They differ, for facets between even pressures cost next to nothing.
@@ -69,11 +73,16 @@ class Case:
             given.append(f"sample.ramp_time_s={min(length, self._case.sample.ramp_time_s):.17g}")
         return [part for override in (*self.overrides, *given) for part in ("--set", override)]
 
-    def driver(self, steps: int, work: Path) -> float:
+    def driver(self, steps: int, work: Path) -> tuple[float, float]:
+        """CPU seconds, and the flow's phases over all others."""
         command = [str(REPOSITORY / "poreslip"), "run", self.file, "--only", self.run, "--out", str(work / "out"), *self.inputs(steps)]
-        return cpu_seconds(command)
+        spent = cpu_seconds(command)
+        (report,) = (work / "out").glob(f"*/{self.run}/report.json")
+        phases = [phase for of_rank in json.loads(report.read_text())["cpu_s_by_phase_and_rank"] for phase in of_rank.items()]
+        dry = sum(phase["cpu_s"] for name, phase in phases if name in OF_DRY)
+        return spent, sum(phase["cpu_s"] for _, phase in phases) / dry - 1.0
 
-    def stock(self, steps: int, work: Path) -> float:
+    def stock(self, steps: int, work: Path) -> tuple[float, None]:
         deck, preload = work / "deck.in", work / "preload.so"
         if not preload.exists():
             include = "/usr/include/liggghts"
@@ -82,8 +91,8 @@ class Case:
                             str(HERE / "preload_styles.cpp"), "-o", str(preload), "-ldl"], check=True)  # fmt: skip
         subprocess.run([sys.executable, str(HERE / "stock_deck.py"), self.file, self.run, str(deck), str(steps), *self.inputs(steps)],
                        env=os.environ | {"PYTHONPATH": str(REPOSITORY)}, check=True)  # fmt: skip
-        return cpu_seconds(["liggghts", "-in", str(deck), "-log", str(work / "log"), "-screen", str(work / "screen")],
-                           LD_PRELOAD=f"{BUILD / 'lib' / 'libporeslip_liggghts.so'}:{preload}")
+        command = ["liggghts", "-in", str(deck), "-log", str(work / "log"), "-screen", str(work / "screen")]
+        return cpu_seconds(command, LD_PRELOAD=f"{BUILD / 'lib' / 'libporeslip_liggghts.so'}:{preload}"), None
 
 
 def rows() -> list[tuple[str, str | None, Callable, tuple[int, int]]]:
@@ -117,20 +126,25 @@ def main() -> None:
     work = Path(tempfile.mkdtemp(prefix="overhead-"))
     table = [row for row in rows() if row[0].startswith(arguments.scene or "")]
     seconds: dict[str, list[float]] = {name: [] for name, *_ in table}
+    shares: dict[str, list[float | None]] = {name: [] for name, *_ in table}
     try:
         for name, _, timed, (short, _) in table:
             timed(short, work)  # prepares the stages
         for _ in range(arguments.repeats):
             for name, _, timed, (short, long) in table:
-                seconds[name].append((timed(long, work) - timed(short, work)) / (long - short))
+                (of_long, share), (of_short, _) = timed(long, work), timed(short, work)
+                seconds[name].append((of_long - of_short) / (long - short))
+                shares[name].append(share)
     finally:
         shutil.rmtree(work)
-    print(f"{'':28}{'CPU ms a step':>14}{'over':>28}{'median of ratios - 1':>22}")
+    print(f"{'':28}{'CPU ms a step':>14}{'over':>28}{'median of ratios - 1':>22}{'flow over the rest':>20}")
     for name, base, *_ in table:
-        ratio = ""
+        ratio = share = ""
         if base:
             ratio = f"{base:>28}{100.0 * (statistics.median(a / b for a, b in zip(seconds[name], seconds[base])) - 1.0):21.1f}%"
-        print(f"{name:28}{1e3 * statistics.median(seconds[name]):14.3f}{ratio}", flush=True)
+        if any(shares[name]):
+            share = f"{100.0 * statistics.median(shares[name]):19.1f}%"
+        print(f"{name:28}{1e3 * statistics.median(seconds[name]):14.3f}{ratio:50}{share}", flush=True)
 
 
 if __name__ == "__main__":
