@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from coupling.case.run_case import RunCase
 from coupling.collective import raised_together
@@ -75,13 +76,21 @@ class Loading:
                     ended = ended or self._ending(stop)
                 self._snapshot(last=ended is not None)
                 if every_checkpoint and engine.step % every_checkpoint == 0 and engine.step < self._steps:
-                    self._checkpoint()
-                    # The neighbour list, the forces and the mesh are made anew, as they are in a run that starts from here.
-                    engine.run(0, setup=True)
-                    self._flow.synchronise()
+                    restart = self._checkpoint()
+                    if not ended:
+                        self._go_on_as_from(restart)
                 if ended:
                     return ended
         return Ending(f"the end of loading{self._measures.shortfall(self.last)}", complete=True)
+
+    def _go_on_as_from(self, restart: Path) -> None:
+        """Make anew what a run that starts from this checkpoint has to make: the neighbour list, the forces and all of the flow, so that both go on
+        with the same bits. restart: the engine's file in it."""
+        self._engine.run(0, setup=True)
+        saved = None
+        with raised_together(self._comm):
+            saved = checkpoint.flow_arrays(restart)
+        self._flow.synchronise(saved)
 
     def _next_event(self, step: int) -> int:
         """The next step at which something has to be done."""
@@ -131,7 +140,8 @@ class Loading:
             with self._phases.timed("output"):
                 self._snapshots.write(self._engine, self._measures.strain(self._engine), self._flow.grain_pressure())
 
-    def _checkpoint(self) -> None:
+    def _checkpoint(self) -> Path:
+        """Write a checkpoint; the engine's file in it."""
         # Those broken since the last line of the history are in no restart file of the engine's.
         with self._phases.timed("measures"):
             rows = self._take_breaks()
@@ -155,7 +165,7 @@ class Loading:
                 "case_sha256": checkpoint.case_digest(self._case),
                 "tables": self._output.lengths(),
             }
-            checkpoint.write(self._output.directory, self._engine, self._comm, state, arrays)
+            return checkpoint.write(self._output.directory, self._engine, self._comm, state, arrays)
 
     def _ending(self, stop: StopRequest) -> Ending | None:
         received = stop.agreed(self._comm)

@@ -49,7 +49,7 @@ def write_report(
 
 def _content(case: RunCase, stage, state: dict, loading: Loading, flow, engine: Engine, ending: Ending, phases: Phases, peak: list, times: list, network: list,
              meshes: dict) -> dict:  # fmt: skip
-    """What report.json holds. peak, times, network: of all ranks."""
+    """What report.json holds. peak, times, network: of all ranks, the last since the newest checkpoint."""
     steps = engine.step
     of_fluid: dict[str, object] = {}
     if case.needs_mesh:

@@ -39,8 +39,8 @@ class Dry:
         self.solver: dict[str, float] = {}
         self._meshes_before: dict[str, int] = {}
 
-    def synchronise(self) -> None:
-        """Forget what a run that starts from this point's checkpoint does not know."""
+    def synchronise(self, saved: dict[str, np.ndarray]) -> None:
+        """Forget what a run that starts from this point's checkpoint does not know. saved: arrays of `state`, as the checkpoint holds them."""
 
     def update(self, progress: float, strain: float, time: float) -> None:
         """Take up where the grains are now, and set the fluid's forces on grains and walls; at the start of each interval."""
@@ -133,7 +133,7 @@ class PrescribedFlow(StandingForces):
         self._always = case.flow.remesh == "always"
         self._rebuild = self._always
 
-    def synchronise(self) -> None:
+    def synchronise(self, saved: dict[str, np.ndarray]) -> None:
         """Build the mesh anew at the next update, as a run that starts from this point's checkpoint does."""
         self._rebuild = True
 

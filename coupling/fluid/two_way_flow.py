@@ -50,7 +50,7 @@ class TwoWayFlow(Dry):
     def __init__(self, case: RunCase, engine: Engine, comm, walls: SceneWalls, held: HeldPressure, lower, upper, phases: Phases,
                  saved: dict[str, np.ndarray], refuse_unstable: bool = True):  # fmt: skip
         super().__init__(engine, phases)
-        self._case, self._comm, self._walls, self._fluid, self._saved = case, comm, walls, case.fluid, saved
+        self._case, self._comm, self._walls, self._fluid = case, comm, walls, case.fluid
         self._split, self._law = SPLITS[case.flow.split], case.flow.forces
         self.intervals = self._following = None
         if case.flow.interval_tolerance > 0.0:
@@ -59,13 +59,10 @@ class TwoWayFlow(Dry):
             self.intervals = self._following = FollowingIntervals(case)
         self._interval, self._last_step = case.flow.interval_steps, case.loading_steps
         self._error = IntervalError(comm, held.largest_change)
-        self._network = PoreNetwork(comm, np.array(lower), np.array(upper), (False, False, walls.periodic_z), case.flow.remesh_displacement * case.mean_radius_m)
+        self._box = np.array(lower), np.array(upper), (False, False, walls.periodic_z)
         self._always = case.flow.remesh == "always"
-        self._network.remember_previous()
-        self._held, self._refuses = held, refuse_unstable and not saved
-        self._flow: PoreFlow | None = None
-        self._pressure = self._drainage = np.zeros(0)
-        self._coupling: TwoWayCoupling | None = None
+        self._held, self._refuses = held, refuse_unstable
+        self._begin_anew(saved)
         self._result: FlowResult | None = None
         self._stored_before: float | None = None
         self._hint = STAGGERED_HINT if self._split == "drained" else ""
@@ -73,6 +70,16 @@ class TwoWayFlow(Dry):
         on_forces = ("momentum_residual", "work_residual") if self._law == "total" else ()
         self._worst = dict.fromkeys((*on_forces, "mass_residual", "remesh_mass_residual"), 0.0)
         self._prepare_engine()
+
+    def _begin_anew(self, saved: dict[str, np.ndarray]) -> None:
+        """Without mesh, linear solver and answer to the engine's steps, all of which the coming update makes."""
+        self._saved = saved
+        self._refuses = self._refuses and not saved
+        self._network = PoreNetwork(self._comm, *self._box, self._case.flow.remesh_displacement * self._case.mean_radius_m)
+        self._network.remember_previous()
+        self._flow: PoreFlow | None = None
+        self._pressure = self._drainage = np.zeros(0)
+        self._coupling: TwoWayCoupling | None = None
 
     def _prepare_engine(self) -> None:
         self._engine.command(f"fix {FIX} all poreforce/two_way pore_force")
@@ -206,6 +213,7 @@ class TwoWayFlow(Dry):
                 self._flow = PoreFlow(network, self._fluid.viscosity_Pa_s, self._fluid.compressibility_per_Pa, self._fluid.conductance)
                 self._pressure = self._restored("pressure") if self._saved else self._held.initial(network.pore_centre)
                 self._drainage = self._restored("drainage") if self._saved else np.zeros(network.pores)
+                self._saved = {}
                 return
             if outcome != "kept":
                 before = self._pressure
@@ -247,19 +255,25 @@ class TwoWayFlow(Dry):
             return {}
         return dict(zip(("grains_of_pore", "pressure", "drainage"), (np.concatenate(column) for column in zip(*parts))))
 
+    def synchronise(self, saved: dict[str, np.ndarray]) -> None:
+        """Begin anew as a run does that starts from this point's checkpoint: the order of pores, what the linear solver kept, and with them the
+        last bits, are the same in both."""
+        counts = self.counts()
+        self._begin_anew(saved)
+        self.resume(counts)
+
     def counts(self) -> dict[str, dict[str, float]]:
         following = {"intervals": self._following.state()} if self._following else {}
-        return super().counts() | {"interval_error": self._error.state()} | following
+        return super().counts() | {"interval_error": self._error.state(), "stored": {"J": self._comm.allreduce(self._stored_before)}} | following
 
     def resume(self, counts: dict[str, dict[str, float]]) -> None:
-        """Go on counting from a checkpoint, whose mesh the coming update makes once more; a run that was not interrupted keeps it."""
+        """Go on counting from a checkpoint."""
         super().resume(counts)
         self._error.resume(counts["interval_error"])
+        # Of all ranks; of this one's pores none are known before the coming update.
+        self._stored_before = counts["stored"]["J"] if self._comm.rank == 0 else 0.0
         if self._following:
             self._following.resume(counts["intervals"])
-        if not self._always:
-            self._meshes_before["rebuilt"] -= 1
-            self._meshes_before["kept"] += 1
 
     def _restored(self, name: str) -> np.ndarray:
         """(m,): the checkpoint's "pressure" (Pa) or "drainage" (Pa/s) on the present mesh."""

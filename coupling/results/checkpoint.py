@@ -15,7 +15,7 @@ from coupling.collective import raised_together
 from coupling.engine.interface import Engine
 from coupling.errors import InputError, of_file
 
-FORMAT = 4
+FORMAT = 5
 PREFIX = "checkpoint-"
 PARTIAL_PREFIX = "partial-"
 ENGINE_FILE, STATE_FILE, FLOW_FILE = "engine.restart", "state.json", "flow.npz"
@@ -29,8 +29,8 @@ def case_digest(case: RunCase) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def write(directory: Path, engine: Engine, comm, state: dict, arrays: dict[str, np.ndarray]) -> None:
-    """Write a checkpoint of this step into ``directory``, then drop those that are no longer kept; collective.
+def write(directory: Path, engine: Engine, comm, state: dict, arrays: dict[str, np.ndarray]) -> Path:
+    """Write a checkpoint of this step into ``directory``, then drop those that are no longer kept; the engine's file in it. Collective.
 
     arrays: of the flow, those of rank 0; no file is made where there are none.
 
@@ -62,6 +62,7 @@ def write(directory: Path, engine: Engine, comm, state: dict, arrays: dict[str, 
             os.replace(partial, final)
             for old in all_in(directory)[: -1 - KEPT_BEFORE]:
                 shutil.rmtree(old)
+    return final / ENGINE_FILE
 
 
 def all_in(directory: Path) -> list[Path]:

@@ -94,17 +94,15 @@ def test_same_on_any_number_of_ranks(run_fault, ranks):
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.parallel)])
 def test_goes_on_from_a_checkpoint(run_fault, poreslip, ranks, two_way):
     result = run_fault(*SOLVED, f"flow.two_way={two_way}", ranks=ranks, options=("--checkpoint-every", "100"))
-    before, told = history(result), report(result)
+    before, told = (result / "history.csv").read_bytes(), report(result)
     shutil.rmtree(result / "checkpoint-000000000300")
     done = poreslip("run", "--restart", result, ranks=ranks, env={"PORESLIP_CACHE": "/dev/null"})
     assert done.returncode == 0, done.stderr
-    # The linear solver starts anew: the same to its tolerance.
-    assert_close(before, history(result), 1e-7)
-    # Counts are those of the whole run, of 40 intervals; a mesh may be kept in one and repaired in the other.
+    assert (result / "history.csv").read_bytes() == before
+    # Counts are those of the whole run, of 40 intervals.
     again = report(result)
-    assert told["solver"]["solves"] == again["solver"]["solves"] == 40
-    assert again["solver"]["iterations"] == pytest.approx(told["solver"]["iterations"], rel=0.1)
-    assert told["remeshes"]["rebuilt"] == again["remeshes"]["rebuilt"] and sum(told["remeshes"].values()) == sum(again["remeshes"].values())
+    assert told["solver"] == again["solver"] and told["solver"]["solves"] == 40
+    assert told["remeshes"] == again["remeshes"]
     assert (told["steps"], told["balances"].keys()) == (again["steps"], again["balances"].keys())
 
 
