@@ -100,7 +100,7 @@ def cost(files: ResultFiles, wall_s: float, cpu_s: float) -> Cost:
         return Cost(found["loading_cpu_s"], found["loading_wall_s"], int(found["steps"]), int(found.get("solver", {}).get("iterations", 0)))
     # Of poreflow: the computation without the start of the process, and without the files that a study reads.
     cpu_s, wall_s = found["cpu_seconds"] - found.get("cpu_seconds_files", 0.0), found["seconds"]["total"] - found["seconds"].get("files", 0.0)
-    return Cost(float(cpu_s), float(wall_s), int(files.setting.get("--steps", 1)), int(found["iterations"]))
+    return Cost(float(cpu_s), float(wall_s), int(found.get("steps", 1)), int(found["iterations"]))
 
 
 def error_of(observed: Observed, expected: Observed, relative: bool) -> float:

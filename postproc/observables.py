@@ -94,10 +94,13 @@ def of_table(table: pd.DataFrame, column: str, at: Mapping[str, float], over: st
 
 
 def interpolated(abscissa: np.ndarray, value: np.ndarray, place: float, name: str) -> float:
-    """`value` (n,) where `abscissa` (n,) first has grown to `place`; a rounding of 1e-9 past its end is let pass."""
-    reached = np.flatnonzero(abscissa >= place * (1.0 - 1e-9))
+    """`value` (n,) where `abscissa` (n,) first comes to `place`, growing or falling; a rounding of 1e-9 past its ends is let pass."""
+    rounding = 1e-9 * abs(place)
+    falling = abscissa[0] > place + rounding
+    reached = np.flatnonzero(abscissa <= place + rounding if falling else abscissa >= place - rounding)
     if not reached.size:
-        raise NotObserved(f"{name} goes to {abscissa.max():.6g} only, not to {place:.6g}")
+        beyond = f"begins with {abscissa[0]:.6g} and goes down to {abscissa.min():.6g}" if falling else f"goes to {abscissa.max():.6g}"
+        raise NotObserved(f"{name} {beyond} only, not to {place:.6g}")
     k = int(reached[0])
     if k == 0 or abscissa[k] == abscissa[k - 1]:
         return float(value[k])

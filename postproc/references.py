@@ -63,7 +63,7 @@ def fourier(
 ) -> np.ndarray:
     """Amplitude of a decaying wave of pressure, Pa: exp(-t / tau), tau = porosity compressibility viscosity (wave length / 2 pi)^2 / k.
 
-    Permeability k and porosity are those of [companion.steady]; t is the setting's --dt times its --steps.
+    Permeability k and porosity are those of [companion.steady]; t is the setting's --dt times the steps that its run took.
     """
     found = report(files.companion("steady"))
     for name in ("porosity", "permeability"):
@@ -73,7 +73,7 @@ def fourier(
         raise NotObserved("the decay of a wave is known at a time, that of the parameter --dt")
     storage = found["porosity"] * compressibility_per_Pa
     tau = storage * viscosity_Pa_s * (wave_length_m / (2.0 * np.pi)) ** 2 / found["permeability"]
-    time = float(files.setting["--dt"]) * float(files.setting.get("--steps", 1))
+    time = float(files.setting["--dt"]) * report(files.directory).get("steps", 1)
     return np.array([amplitude_Pa * np.exp(-time / tau)])
 
 

@@ -164,11 +164,15 @@ class Work:
 
 
 def of_file(path: Path, wanted: Observable) -> Observed:
-    """The observable "history" read from a CSV that is no run's."""
+    """The observable read from a CSV that is no run's: of "history" its columns, of others, which are a number each, the column `value`."""
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as a table with a line of names ({error}); give a CSV file such as history.csv.") from None
+    if wanted.name != "history":
+        if "value" in table and len(table) != 1:
+            raise InputError(f"{path} has {len(table)} lines below its names: the observable {wanted.name} is one number; give one line.")
+        wanted = Observable("history", column="value")
     names = [*filter(None, (wanted.column, wanted.over, *wanted.at))]
     for name in names:
         if name not in table:

@@ -18,6 +18,8 @@ from coupling.study.schema import Observable, Study
 MOST_PARAMETERS = 3
 #: Fields of [observable] that belong to one of them alone.
 FIELDS_OF = {"history": ("column", "at", "over"), "report": ("key",)}
+#: Observables that are no single number, nor columns of history.csv.
+CURVES = ("consolidation", "pressures")
 #: What a key of each type may hold, for messages.
 ALLOWED = {
     "str": "text in quotes",
@@ -127,6 +129,8 @@ def _observed_problems(study: Study):
     for what, names in needed.items():
         if lacking := [f"[companion.{name}]" for name in names if name not in study.companions]:
             yield f"the {what} needs {' and '.join(lacking)}, a run of its own that gives its part, as cases/studies show"
+    if reference.file and observable.name in CURVES:
+        yield f"the observable {observable.name} is not one number, and [reference] file = {reference.file!r} cannot hold it; give settings, a finer run, or analytic"
     if reference.file and not (study.directory / reference.file).is_file():
         yield f"there is no reference file {study.directory / reference.file}"
     for one in study.parameters:

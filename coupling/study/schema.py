@@ -80,7 +80,7 @@ class Reference:
     # Name of one of postproc/references.py, and its arguments.
     analytic: str = ""
     arguments: dict[str, Any] = field(default_factory=dict)
-    # CSV beside the study file with the columns that the observable reads.
+    # CSV beside the study file with the columns that the observable "history" reads, or, of another that is a number, the column value and one line.
     file: str = ""
 
 

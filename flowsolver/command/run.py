@@ -66,6 +66,7 @@ def run(comm: MPI.Comm, a: argparse.Namespace) -> dict[str, Any]:
         "momentum_residual": _momentum_residual(comm, a, upper - lower, grains.radius, force, wall_force),
         "limited_pores": result.report["limited_pores"],
         "limited_throats": result.report["limited_throats"],
+        "steps": a.steps,
         "iterations": result.report["iterations"],
         "ksp_reason": result.report["ksp_reason"],
     }

@@ -154,6 +154,21 @@ def test_flow_through_a_pack(study, tmp_path):
     assert "did you mean --tolerance" in the_message(wrong, 2)
 
 
+def test_a_number_of_a_report_against_a_file(study, tmp_path):
+    """And the steps of a command that has them beside its parameters."""
+    np.savetxt(tmp_path / "pack.txt", np.load(REPOSITORY / "tests" / "data" / "peer_pack_1000.npz")["spheres"], fmt="%.17g")
+    text = FLOW.replace("--viscosity 10", "--viscosity 10 --dt 1e-3 --steps 2").replace('name = "permeability"', 'name = "report"\nkey = "outflow.ymax"')
+    text = text.replace('settings = { "--tolerance" = 1e-12, "--conductance" = "duct" }', 'file = "wanted.csv"')
+    (tmp_path / "wanted.csv").write_text("note,value\nby hand,2.0\n")
+    done, results = study(text)
+    assert done.returncode == 0, done.stderr
+    row = lines(results)[0]
+    assert float(row["error"]) == pytest.approx(1 - float(row["value"]) / 2, rel=1e-5) and row["steps"] == "2"
+    for content, message in (("flow\n2.0\n", "has no column value; its columns: flow"), ("value\n1\n2\n", "has 2 lines below its names: the observable report is one number")):
+        (tmp_path / "wanted.csv").write_text(content)
+        assert message in the_message(study(text)[0], 2)
+
+
 def test_a_reference_that_fails_ends_the_study(study):
     done, _ = study(RATES.replace("= 5.0", "= 1e5"))
     assert "the reference" in the_message(done, 3)

@@ -10,7 +10,7 @@ import pytest
 from synthetic_run import Synthetic, write_run
 
 from postproc.observables import NotObserved, Observed, ResultFiles, block_stiffness, consolidation, of_history, of_report, onset, permeability, slip
-from postproc.references import kozeny_carman, terzaghi, terzaghi_degree, zick_homsy, zick_homsy_drag
+from postproc.references import fourier, kozeny_carman, terzaghi, terzaghi_degree, zick_homsy, zick_homsy_drag
 
 
 @pytest.fixture
@@ -31,6 +31,18 @@ def test_a_column_at_its_end_at_a_place_and_as_a_curve(fault):
         of_history(fault, "sigma_n_Pa", {"strain": 1.0}, "")
     with pytest.raises(NotObserved, match="no column sigma"):
         of_history(fault, "sigma", {}, "")
+
+
+def test_places_on_a_column_that_falls(fault):
+    """As a porosity does under load: where it first comes to the place, not its first line."""
+    path = fault.directory / "history.csv"
+    pd.DataFrame({"porosity": [0.40, 0.38, 0.36, 0.37], "strain_z": [0.0, 0.1, 0.3, 0.4]}).to_csv(path, index=False)
+    for place, expected in ((0.40, 0.0), (0.39, 0.05), (0.37, 0.2), (0.36, 0.3)):
+        assert of_history(fault, "strain_z", {"porosity": place}, "").value == pytest.approx([expected], abs=1e-12)
+    with pytest.raises(NotObserved, match="porosity begins with 0.4 and goes down to 0.36 only, not to 0.35"):
+        of_history(fault, "strain_z", {"porosity": 0.35}, "")
+    with pytest.raises(NotObserved, match="porosity goes to 0.4 only, not to 0.41"):
+        of_history(fault, "strain_z", {"porosity": 0.41}, "")
 
 
 def test_onset_slip_and_stiffness(fault):
@@ -84,6 +96,13 @@ def test_analytic_references(tmp_path):
     assert zick_homsy(files, None, diameter_m=2.0) == pytest.approx([4 * 5.014e-4])
     with pytest.raises(NotObserved, match="lattices sc, bcc, fcc, not for hcp"):
         zick_homsy(files, None, diameter_m=2.0, lattice="hcp")
+    # tau = 0.4 * 0.5 * 2e-9 / (4 pi^2) / 1e-9 s
+    wave = {"wave_length_m": 1.0, "viscosity_Pa_s": 0.5, "compressibility_per_Pa": 2e-9}
+    decaying = tmp_path / "decaying"
+    decaying.mkdir()
+    (decaying / "out.json").write_text(json.dumps({"steps": 3}))
+    of_wave = ResultFiles(decaying, {"steady": tmp_path}, {"--dt": 0.005})
+    assert fourier(of_wave, None, **wave) == pytest.approx([np.exp(-3 * 0.005 * 4 * np.pi**2 / 0.4)])
     # Their two figures for touching spheres are one another's.
     assert zick_homsy_drag(files, None, diameter_m=1.0, concentration=0.5236) == pytest.approx([2.520e-3], rel=1e-3)
     with pytest.raises(NotObserved, match="drag is known for the concentrations .*, not for none"):

@@ -16,7 +16,7 @@ BOX = ["--box", "0", "1", "0", "1", "0", "1"]
 DRIVEN = ["--face", "ymin=1", "--face", "ymax=0", "--viscosity", "10"]
 KEYS = [
     "grains", "pores", "throats", "porosity", "permeability", "outflow", "mass_residual", "momentum_residual", "limited_pores", "limited_throats",
-    "iterations", "ksp_reason", "seconds", "cpu_seconds", "cpu_seconds_files", "peak_memory_bytes", "ranks",
+    "steps", "iterations", "ksp_reason", "seconds", "cpu_seconds", "cpu_seconds_files", "peak_memory_bytes", "ranks",
 ]  # fmt: skip
 
 

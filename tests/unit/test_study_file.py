@@ -189,6 +189,7 @@ value = 1.0
     (OTHER_RUN.format('case = "box.toml"', "pack.seed", "slip", ""), "observable slip reads slip_left_m, slip_right_m, which history.csv of the run pack.seed = 1 will not have"),
     (OTHER_RUN.format('case = "box.toml"', "pack.seed", "history", 'column = "slip_left_m"'), "slip_left_m.*write one of its columns: .*porosity"),
     (OTHER_RUN.format('poreflow = "box.toml --box 0 1 0 1 0 1"', "--dt", "history", 'column = "strain"'), "history is read from history.csv, which poreflow does not write"),
+    (OTHER_RUN.format('poreflow = "box.toml --box 0 1 0 1 0 1"', "--dt", "pressures", "").replace("value = 1.0", 'file = "fault.toml"'), "pressures is not one number, and .reference. file = "),
     # A flow that is not solved has no such column, though the other setting has.
     (OTHER_RUN.format('case = "fault.toml"\nonly = "wet"', "kind", "history", 'column = "pressure_mean_Pa"').replace(
         "values = [1, 2]", 'choices.solved = { "flow.kind" = "solve" }\nchoices.given = { "flow.kind" = "prescribed" }'), "history.csv of the run kind = given will have no such column"),
