@@ -32,7 +32,9 @@ Carry out the runs of a case file. Results go to DIR/<case>/<run>/: case.json (e
 case asks for besides. Ctrl-C stops cleanly after the current interval; what was written stays readable."""
 _RUN_EPILOG = """\
 keys for --set are those of the case file, section.key, and hold for every run, over what the file says:
-  --set pack.seed=3   --set loading.strain_rate_per_s=0.78   --set 'sweep.seeds=[1, 2, 3]'   --set pressure.mode=none"""
+  --set pack.seed=3   --set loading.strain_rate_per_s=0.78   --set 'sweep.seeds=[1, 2, 3]'   --set pressure.mode=none
+entries of a table join those of the file; an empty table leaves none:
+  --set fluid.faces.zmin=0   --set 'fluid.faces={}'"""
 _STUDY_DESCRIPTION = """\
 Carry out every setting of a study, each in a process of its own, and hold it against the study's reference. Results go to DIR/<study>/:
 error_time.csv, error_time.png, and study.md, which names the cheapest setting within the tolerance. Runs that are there from before with the

@@ -182,12 +182,13 @@ def _insert(table: dict[str, Any], key: str, value: Any, override: str) -> None:
     table[last] = value
 
 
-def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Both tables in one, tables within them merged too; where both hold a value, `above` has it."""
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any], in_section: bool = False) -> dict[str, Any]:
+    """Both tables in one, tables within them merged too; where both hold a value, `above` has it. An empty table as the value of an input,
+    as fluid.faces = {}, leaves none of the entries below; an empty section leaves all."""
     result = dict(below)
     for key, value in above.items():
-        both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = _merged(result[key], value) if both else copy.deepcopy(value)
+        both = isinstance(value, dict) and isinstance(result.get(key), dict) and (value or not in_section)
+        result[key] = _merged(result[key], value, True) if both else copy.deepcopy(value)
     return result
 
 

@@ -130,3 +130,15 @@ def test_the_interface_slip_runs_are_pairs() -> None:
         assert replace(two, name=one.name, group=one.group, flow=one.flow) == one
         slower = 3.83 / 7.8e-3 if "slow" in one.name else 1.0
         assert one.fluid.viscosity_Pa_s == pytest.approx(1e-3 / slower, rel=1e-3)
+
+
+def test_an_empty_table_leaves_no_entries(tmp_path: Path) -> None:
+    """In a run or on the command line; an empty section leaves all."""
+    path = tmp_path / "box.toml"
+    path.write_text(TEXT + 'fluid.faces = { zmin = 0.0, zmax = 1.0 }\nsample.walls = { z_top = "stress 2e7" }\n'
+                    '[[run]]\nname = "open"\nfluid = {}\n[[run]]\nname = "sealed"\nfluid.faces = {}\n')  # fmt: skip
+    opened, sealed = load_case(path).runs
+    assert opened.fluid.faces == {"zmin": 0.0, "zmax": 1.0} and sealed.fluid.faces == {} and sealed.sample.walls == opened.sample.walls
+    opened, sealed = load_case(path, ["sample.walls={}", "fluid.faces.zmin=5.0"]).runs
+    assert opened.fluid.faces == {"zmin": 5.0, "zmax": 1.0} and sealed.fluid.faces == {"zmin": 5.0}
+    assert opened.sample.walls == sealed.sample.walls == {}
