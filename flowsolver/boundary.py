@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
-from flowsolver.network import FACES, PoreNetwork, checked_array
+from flowsolver.checks import checked_array, is_number, shown
+from flowsolver.network import FACES, PoreNetwork, face_fault
 
 ON_A_BOUNDARY = 1e-9
 """Of a cell's size: a point as near to a facet lies on it, in the cells on both sides."""
@@ -42,6 +44,28 @@ class Boundary:
     inside: Callable[[NDArray[np.float64]], ArrayLike] | None = None
 
 
+def type_faults(boundary: Any) -> list[str]:
+    """What has not the type that it has to have in a boundary, before anything is looked up in it."""
+    if not isinstance(boundary, Boundary):
+        return [f"boundary is {shown(boundary)}: expected a Boundary"]
+    faults = []
+    for name, unit in (("pressure", "Pa"), ("inflow", "m/s")):
+        given = getattr(boundary, name)
+        if not isinstance(given, Mapping):
+            faults.append(f"{name} of the boundary is {shown(given)}: expected faces with what is given there, {{face: number}}")
+            continue
+        for face, value in given.items():
+            if not callable(value) and not is_number(value):
+                faults.append(f"the {name} of face {shown(face)} is {shown(value)}: expected a number in {unit}, or a function of places")
+    for name in ("points", "sources"):
+        given = getattr(boundary, name)
+        if not isinstance(given, Sequence | np.ndarray):
+            faults.append(f"{name} of the boundary is {shown(given)}: expected a list of (x, y, z, value)")
+    if boundary.inside is not None and not callable(boundary.inside):
+        faults.append(f"inside of the boundary is {shown(boundary.inside)}: expected a function of places, or None")
+    return faults
+
+
 @dataclass(frozen=True)
 class Conditions:
     """A boundary on the pores of a network as it stands, and what else one solve starts from; arrays (m,) of all pores that this rank sees.
@@ -66,7 +90,10 @@ class Conditions:
     @classmethod
     def of(cls, network: PoreNetwork, boundary: Boundary, pressure: ArrayLike | None = None, volume_rate: ArrayLike | None = None) -> Conditions:
         """From pressures and volume rates, (m,) Pa and m^3/s, 0 where they are left out. InputError names what does not fit. Collective."""
-        faults: list[str] = []
+        faults = type_faults(boundary)
+        if faults:
+            # Nothing to look at any more: the ranks agree below.
+            boundary = Boundary()
         m = network.pores
         before = np.zeros(m) if pressure is None else checked_array("pressure", pressure, np.float64, (m,), faults)
         rate = np.zeros(m) if volume_rate is None else checked_array("volume_rate", volume_rate, np.float64, (m,), faults)
@@ -75,16 +102,16 @@ class Conditions:
         if not np.isfinite(rate).all():
             faults.append("volume_rate has entries that are not finite")
         for face in [*boundary.pressure, *boundary.inflow]:
-            if face not in FACES:
-                faults.append(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
+            if fault := face_fault(face):
+                faults.append(fault)
             elif network.periodic[FACES.index(face) // 2]:
                 faults.append(f"face {face!r} is periodic: it takes neither pressure nor inflow")
         for face in boundary.inflow:
             if face in boundary.pressure:
                 faults.append(f"face {face!r} has both a pressure and an inflow")
         for point in [*boundary.points, *boundary.sources]:
-            if np.shape(point) != (4,) or np.asarray(point).dtype.kind not in "iuf" or not np.isfinite(point).all():
-                faults.append(f"the point {point} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
+            if not _is_point(point):
+                faults.append(f"the point {shown(point)} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
         network.agree(faults)
 
         owner = np.full(m, -1, np.int16)
@@ -140,6 +167,10 @@ class Conditions:
         if boundary.inside is None:
             del outflow["inside"]
         return outflow
+
+
+def _is_point(point: Any) -> bool:
+    return isinstance(point, Sequence | np.ndarray) and len(point) == 4 and all(is_number(one) and np.isfinite(one) for one in point)
 
 
 class _Places:

@@ -8,15 +8,16 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from flowsolver.boundary import Boundary, Conditions
+from flowsolver.checks import checked_array, checked_choice, checked_number, checked_type, checked_whole, shown
 from flowsolver.native import load
-from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ComputationError, ForceLaw, PoreNetwork, checked_array
+from flowsolver.network import LEAST_OPEN_SHARE, LEAST_VOID_SHARE, ComputationError, ForceLaw, InputError, PoreNetwork
 from flowsolver.plane_start import plane_through
 
 # A rank is one thread. PETSc's vector operations would start others, which wait for work by spinning.
@@ -45,6 +46,7 @@ closes it, is made closer. Of `duct` none did in the packs of tests/unit/test_fl
 conduct far more than others, some leave more."""
 
 ConductanceLaw = Literal["duct", "hydraulic-radius"]
+CONDUCTANCE_LAWS = get_args(ConductanceLaw)
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,14 @@ class FlowResult:
     pore_residual: float
 
 
-def _tolerance_faults(tolerance: float) -> list[str]:
-    return [] if 0 < tolerance < 1 else [f"tolerance is {tolerance!r}: expected a number between 0 and 1"]
+def tolerance_of(given: Any, faults: list[str]) -> float:
+    """A tolerance of the linear solver, checked."""
+    return checked_number("tolerance", given, lambda share: 0.0 < share < 1.0, "a number between 0 and 1", faults)
+
+
+def time_of(given: Any, faults: list[str]) -> float:
+    """Length of a step in s, checked."""
+    return checked_number("dt", given, lambda step: 0.0 < step < math.inf, "a finite number above 0", faults, "s")
 
 
 def _together(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
@@ -125,22 +133,22 @@ class PoreFlow:
         least_void_share: float = LEAST_VOID_SHARE,
         petsc_options: str = "",
     ) -> None:
-        faults = []
-        for name, value, positive in (
-            ("viscosity", viscosity, True),
-            ("compressibility", compressibility, False),
-            ("least_open_share", least_open_share, False),
-            ("least_void_share", least_void_share, False),
-        ):
-            if not (np.isfinite(value) and (value > 0 or (value == 0 and not positive))):
-                faults.append(f"{name} is {value!r}: expected a finite number {'above 0' if positive else 'of 0 or more'}")
-        if conductance not in ("duct", "hydraulic-radius"):
-            faults.append(f'conductance is {conductance!r}: expected "duct" or "hydraulic-radius"')
+        faults: list[str] = []
+        if not checked_type("network", network, PoreNetwork, faults):
+            # Without a network no rank can tell the others.
+            raise InputError(faults[0])
+        viscosity = checked_number("viscosity", viscosity, lambda value: 0.0 < value < math.inf, "a finite number above 0", faults)
+        compressibility, least_open_share, least_void_share = (
+            checked_number(name, value, lambda value: 0.0 <= value < math.inf, "a finite number of 0 or more", faults)
+            for name, value in (("compressibility", compressibility), ("least_open_share", least_open_share), ("least_void_share", least_void_share)))  # fmt: skip
+        conductance = checked_choice("conductance", conductance, CONDUCTANCE_LAWS, faults)
+        if not isinstance(petsc_options, str):
+            faults.append(f'petsc_options is {shown(petsc_options)}: expected text, such as "-flow_pc_type gamg"')
         network.agree(faults)
         self.network = network
         self._unchecked_options = petsc_options
         self._native = _native.PoreFlow(
-            network.native, float(viscosity), float(compressibility), conductance, least_open_share, least_void_share, petsc_options
+            network.native, viscosity, compressibility, conductance, least_open_share, least_void_share, petsc_options
         )
         self.refresh()
 
@@ -187,7 +195,9 @@ class PoreFlow:
     ) -> FlowResult:
         """Steady pressures. `pressure` (m,) Pa is the start of the iteration; where no pressure is given at any edge, its mean over the pores is kept, and
         so is it where nothing determines another. Default: 0, with an iteration that starts from a plane through the given pressures."""
-        self._check(_tolerance_faults(tolerance))
+        faults: list[str] = []
+        tolerance = tolerance_of(tolerance, faults)
+        self._check(faults)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         start = plane_through(self.network, conditions.fixed, conditions.given) if pressure is None else None
         after, report = self._solve(conditions, conditions.given, 0.0, tolerance, start)
@@ -218,10 +228,12 @@ class PoreFlow:
             1: backward Euler (10)-(13). 2: in two stages of backward Euler, each STAGE of the step long, which damp what drains at once as well.
             In both the boundary gives what it does at the step's end.
         """
-        faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
-        if order not in (1, 2):
-            faults.append(f"order is {order!r}: expected 1 or 2")
-        self._check(faults + _tolerance_faults(tolerance))
+        faults: list[str] = []
+        dt = time_of(dt, faults)
+        if not isinstance(order, int | np.integer) or isinstance(order, bool) or order not in (1, 2):
+            faults.append(f"order is {shown(order)}: expected 1 or 2")
+        tolerance = tolerance_of(tolerance, faults)
+        self._check(faults)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         given, before = conditions.given, conditions.before
         if order == 1:
@@ -241,13 +253,15 @@ class PoreFlow:
         self, boundary: Boundary, pressure: ArrayLike, dt: float, volume_rate: ArrayLike | None = None, most_substeps: int = MOST_SUBSTEPS
     ) -> FlowResult:
         """Explicit steps (9) over `dt` (s), as many as the stability limit asks for."""
-        self._check([] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"])
+        faults: list[str] = []
+        dt, most_substeps = time_of(dt, faults), checked_whole("most_substeps", most_substeps, 1, faults)
+        self._check(faults)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         if self.storage.size and not (self.storage > 0).all():
             self.network.agree(["explicit flow needs a fluid with compressibility above 0"])
         self.network.agree([])
         after, flowing, report = self._native.step_explicit(
-            conditions.fixed, conditions.given, conditions.source, conditions.volume_rate, float(dt), LIMIT_SHARE, most_substeps
+            conditions.fixed, conditions.given, conditions.source, conditions.volume_rate, dt, LIMIT_SHARE, most_substeps
         )
         change = (after - conditions.before) / dt
         return self._result(conditions, self._balance(conditions, flowing, change), after, flowing, change, report, ROUNDING)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
+from flowsolver.checks import checked_array, checked_choice, checked_flag, checked_number, shown
 from flowsolver.native import load
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 _native = load("poreslip_network")
 
@@ -27,23 +26,7 @@ LEAST_VOID_SHARE = 0.05
 """A pore's void counts, for storage only, as at least this share of its cell."""
 
 ForceLaw = Literal["total", "pressure"]
-
-
-def checked_array(name: str, value: Any, dtype: type, shape: tuple[int | None, ...], faults: list[str]) -> NDArray[Any]:
-    """`value` as a C-contiguous array; a wrong type or shape is added to `faults`."""
-    try:
-        array = np.asarray(value)
-    except ValueError as error:  # rows of unlike length
-        faults.append(f"{name} is no array ({error})")
-        return np.zeros(tuple(s or 0 for s in shape), dtype)
-    shown = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
-    fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape))
-    if not fits or not np.can_cast(array.dtype, dtype, casting="safe"):
-        faults.append(f"{name} has shape {array.shape} and dtype {array.dtype}: expected {shown} {np.dtype(dtype)}")
-        return np.zeros(tuple(s or 0 for s in shape), dtype)
-    if np.ma.is_masked(value):
-        faults.append(f"{name} has masked entries: expected numbers in all of them")
-    return np.ascontiguousarray(array, dtype)
+FORCE_LAWS = get_args(ForceLaw)
 
 
 class PoreNetwork:
@@ -72,17 +55,19 @@ class PoreNetwork:
         periodic: Sequence[bool] = (False, False, False),
         trusted_displacement: float = 0.0,
     ) -> None:
+        # Without a communicator no rank can tell the others.
+        if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
+            raise InputError(f"comm is {shown(comm)}: expected a communicator of mpi4py, such as MPI.COMM_WORLD")
         faults: list[str] = []
         box = [checked_array(name, v, np.float64, (3,), faults) for name, v in (("lower", lower), ("upper", upper))]
-        if np.shape(list(periodic)) != (3,) or not all(isinstance(p, (bool, np.bool_)) for p in periodic):
-            faults.append(f"periodic is {periodic!r}: expected True or False for each of x, y and z")
-        if not 0.0 <= trusted_displacement < np.inf:
-            faults.append(f"trusted_displacement is {trusted_displacement!r} m: expected a finite number of 0 or more")
+        if not isinstance(periodic, Sequence | np.ndarray) or np.shape(periodic) != (3,) or not all(isinstance(p, bool | np.bool_) for p in periodic):
+            faults.append(f"periodic is {shown(periodic)}: expected True or False for each of x, y and z")
+        trusted = checked_number("trusted_displacement", trusted_displacement, lambda d: 0.0 <= d < np.inf, "a finite number of 0 or more", faults, "m")
         for fault in comm.allgather(faults[0] if faults else ""):
             if fault:
                 raise InputError(fault)
         self._native = _native.PoreNetwork(
-            comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], float(trusted_displacement)
+            comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], trusted
         )
         self.comm = comm
         self.periodic = tuple(bool(p) for p in periodic)
@@ -139,6 +124,7 @@ class PoreNetwork:
         planes = self._faces if wall_position is None else checked_array("wall_position", wall_position, np.float64, (None, 6), faults)
         if len(planes) == 0 and not faults:
             faults.append("wall_position has no rows: expected one for each group of grains")
+        rebuild = checked_flag("rebuild", rebuild, faults)
         self.agree(faults)
         try:
             outcome = self._native.update(ids, positions, radii, groups, planes, rebuild)
@@ -151,7 +137,10 @@ class PoreNetwork:
         return outcome
 
     def remember_previous(self, remember: bool = True) -> None:
-        """Whether a mesh that is given up leaves its pores behind, for `transfer.carry_pressure` (local)."""
+        """Whether a mesh that is given up leaves its pores behind, for `transfer.carry_pressure`."""
+        faults: list[str] = []
+        remember = checked_flag("remember", remember, faults)
+        self.agree(faults)
         self._native.remember_previous(remember)
 
     @property
@@ -186,8 +175,8 @@ class PoreNetwork:
 
     def pores_at_wall(self, face: str) -> NDArray[np.int32]:
         """(k,) int32, local: the pores that touch the wall "xmin" ... "zmax", in order."""
-        if face not in FACES:
-            raise InputError(f"face {face!r} is not known: expected one of {', '.join(FACES)}")
+        if fault := face_fault(face):
+            raise InputError(fault)
         return self._native.pores_at_wall(FACES.index(face))
 
     @property
@@ -212,7 +201,11 @@ class PoreNetwork:
 
     def limited(self, least_open_share: float = LEAST_OPEN_SHARE, least_void_share: float = LEAST_VOID_SHARE) -> tuple[int, int]:
         """Numbers of pores and throats, over all ranks, that a limiter at these shares of cell and facet touches."""
-        return self._native.limited(least_open_share, least_void_share)
+        faults: list[str] = []
+        shares = [checked_number(name, value, lambda share: 0.0 <= share < np.inf, "a finite number of 0 or more", faults)
+                  for name, value in (("least_open_share", least_open_share), ("least_void_share", least_void_share))]  # fmt: skip
+        self.agree(faults)
+        return self._native.limited(*shares)
 
     def forces(
         self, pressure: ArrayLike, law: ForceLaw = "total", body_force: Sequence[float] = (0.0, 0.0, 0.0)
@@ -237,8 +230,7 @@ class PoreNetwork:
         wall_force : (G, 6) float64, N, outward, on each wall by group, over all ranks
         """
         faults: list[str] = []
-        if law not in ("total", "pressure"):
-            faults.append(f'law is {law!r}: expected "total" or "pressure"')
+        law = checked_choice("law", law, FORCE_LAWS, faults)
         pressures = checked_array("pressure", pressure, np.float64, (self.pores,), faults)
         body = checked_array("body_force", body_force, np.float64, (3,), faults)
         if not np.isfinite(body).all():
@@ -289,7 +281,7 @@ class PoreNetwork:
 
     def roof_area(self, face: str) -> NDArray[np.float64]:
         """(m,) float64, m^2: area of each pore's cell on the wall "xmin" ... "zmax". Collective."""
-        self.agree([] if face in FACES else [f"face {face!r} is not known: expected one of {', '.join(FACES)}"])
+        self.agree([fault] if (fault := face_fault(face)) else [])
         speed = np.zeros((self._native.groups, 6))
         speed[:, FACES.index(face)] = 1.0
         return self._native.volume_rate(np.zeros((self._native.grains, 3)), speed)
@@ -298,6 +290,11 @@ class PoreNetwork:
         """Counts over all ranks (grains, pores, throats, hidden_grains, kept, repaired, rebuilt, exact_tests of the last certificate),
         the halo's width in m, and this rank's seconds by phase (tessellate, certify, geometry, forces)."""
         return self._native.report()
+
+
+def face_fault(face: Any) -> str:
+    """What is wrong with the name of a face; empty where it is one."""
+    return "" if isinstance(face, str) and face in FACES else f"face {shown(face)} is not known: expected one of {', '.join(FACES)}"
 
 
 def new_response(network: PoreNetwork) -> Any:

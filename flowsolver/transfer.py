@@ -6,7 +6,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
-from flowsolver.network import PoreNetwork, checked_array
+from flowsolver.checks import checked_array, checked_type, checked_whole
+from flowsolver.network import InputError, PoreNetwork
 
 
 def _keys(grains: NDArray[np.int64]) -> NDArray[np.uint64]:
@@ -100,7 +101,11 @@ def carry_pressure(network: PoreNetwork, pressure: ArrayLike, pores_before: int)
     -------
     (m,) float64, Pa
     """
-    comm, faults = network.comm, []
+    faults: list[str] = []
+    if not checked_type("network", network, PoreNetwork, faults):
+        # Without a network no rank can tell the others.
+        raise InputError(faults[0])
+    comm, pores_before = network.comm, checked_whole("pores_before", pores_before, 0, faults)
     before = checked_array("pressure", pressure, np.float64, (pores_before,), faults)
     network.agree(faults)
     old_grains, old_volume, old_index = network.native.previous()

@@ -15,17 +15,19 @@ can call it in each of its own steps: `TwoWayCoupling.for_engine`.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flowsolver.flow import TOLERANCE, Boundary, FlowResult, PoreFlow
-from flowsolver.network import ForceLaw, PoreNetwork, checked_array, new_response
+from flowsolver.boundary import type_faults
+from flowsolver.checks import checked_array, checked_choice, checked_type
+from flowsolver.flow import TOLERANCE, Boundary, FlowResult, PoreFlow, time_of, tolerance_of
+from flowsolver.network import FORCE_LAWS, ForceLaw, InputError, PoreNetwork, new_response
 from flowsolver.transfer import carry_pressure
 
 Split = Literal["undrained", "predicted", "drained"]
-SPLITS = ("undrained", "predicted", "drained")
+SPLITS = get_args(Split)
 
 
 class TwoWayCoupling:
@@ -57,9 +59,16 @@ class TwoWayCoupling:
         law: ForceLaw = "total",
         drainage: ArrayLike | None = None,
     ) -> None:
-        faults = [] if split in SPLITS else [f"split is {split!r}: expected one of {', '.join(SPLITS)}"]
-        if law not in ("total", "pressure"):
-            faults.append(f'law is {law!r}: expected "total" or "pressure"')
+        faults: list[str] = []
+        if not checked_type("network", network, PoreNetwork, faults):
+            # Without a network no rank can tell the others.
+            raise InputError(faults[0])
+        split, law = checked_choice("split", split, SPLITS, faults), checked_choice("law", law, FORCE_LAWS, faults)
+        tolerance = tolerance_of(tolerance, faults)
+        faults += type_faults(boundary)
+        if checked_type("flow", flow, PoreFlow, faults) and flow.network is not network:
+            faults.append("flow is one through another network: expected one through the network that is given")
+        network.agree(faults)
         if split != "drained" and not (flow.storage > 0).all():
             faults.append(f"the split {split} needs a fluid with compressibility above 0")
         if flow.body_force.any():
@@ -134,7 +143,8 @@ class TwoWayCoupling:
     def move(self, velocity: ArrayLike, dt: float, wall_velocity: ArrayLike | None = None) -> None:
         """One step of the grains: velocity (n, 3) m/s in the order of the network's last update, wall_velocity (G, 6) m/s
         outward, over dt (s)."""
-        faults = [] if np.isfinite(dt) and dt > 0 else [f"dt is {dt!r} s: expected a finite number above 0"]
+        faults: list[str] = []
+        dt = time_of(dt, faults)
         velocities = checked_array("velocity", velocity, np.float64, (self.network.native.grains, 3), faults)
         shape = (self.network.native.groups, 6)
         walls = np.zeros(shape) if wall_velocity is None else checked_array("wall_velocity", wall_velocity, np.float64, shape, faults)

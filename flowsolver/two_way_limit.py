@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from flowsolver.flow import Boundary, PoreFlow
 from flowsolver.lanczos import largest_eigenvalue
-from flowsolver.network import PoreNetwork, checked_array
+from flowsolver.checks import checked_array
+from flowsolver.network import PoreNetwork
 
 #: Lanczos' iterations: the stiffest pores stand out, and three digits are known after fifteen.
 ITERATIONS = 20

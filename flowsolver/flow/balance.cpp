@@ -21,7 +21,6 @@ void PoreFlow::outflow(const double* pressure, double* flow) {
 }
 
 Balance PoreFlow::balance(const Conditions& conditions, const double* pressure, const double* change, double* supply) {
-  require_current();
   outflow(pressure, supply);
   double sums[3] = {0.0, 0.0, 0.0};
   for (std::size_t c = 0; c < network_.pores(); ++c) {

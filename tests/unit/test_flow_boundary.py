@@ -104,7 +104,7 @@ def failing(place):
         (Boundary(pressure={"xmin": of_wrong_shape}), "the pressure of face 'xmin' has shape"),
         (Boundary(pressure={"xmin": failing}), "the pressure of face 'xmin' cannot be had: KeyError"),
         (Boundary(pressure={"xmin": lambda place: np.where(place[:, 1] > 0.5, 1.0, np.nan)}), "the pressure of face 'xmin' is not a finite number in Pa everywhere"),
-        (Boundary(pressure={"xmin": "low"}), "the pressure of face 'xmin' cannot be had"),
+        (Boundary(pressure={"xmin": "low"}), "the pressure of face 'xmin' is 'low': expected a number in Pa, or a function of places"),
         (Boundary(pressure={"xmin": 0.0}, inflow={"xmax": of_wrong_shape}), "the inflow of face 'xmax' has shape"),
         (Boundary(inside=of_wrong_shape), "the pressure inside has shape"),
         (Boundary(points=[(0.5, 0.5, 1.0)]), "not of four finite numbers"),
