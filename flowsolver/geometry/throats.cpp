@@ -154,16 +154,19 @@ constexpr double least_perimeter = 1e-12;
 }  // namespace
 
 std::size_t duct_conductances(const ThroatBlock& throats, double viscosity, double least_open_share, const bool* counted, double* conductance) {
+  // Whoever reads these by way of the block has compilers gather them one by one.
+  const double *const facet_area = throats.facet_area, *const open_area = throats.open_area, *const perimeters = throats.perimeter,
+                      *const length = throats.length;
   std::size_t raised = 0;
 #pragma omp simd reduction(+ : raised)
   for (std::size_t k = 0; k < throats.count; ++k) {
-    const double facet = throats.facet_area[k], least = least_open_share * facet, area = std::max(throats.open_area[k], std::max(least, 0.0));
+    const double facet = facet_area[k], least = least_open_share * facet, area = std::max(open_area[k], std::max(least, 0.0));
     // Overlaps can leave no perimeter, but for rounding; then there is no throat. They can leave less than the limited area must have: no
     // shape has less than a circle.
-    const double perimeter = throats.perimeter[k], least_square = 4.0 * std::numbers::pi * area;
-    const double square = perimeter * perimeter, c = 3.0 * area * area * area / (5.0 * viscosity * std::max(square, least_square) * throats.length[k]);
+    const double perimeter = perimeters[k], least_square = 4.0 * std::numbers::pi * area;
+    const double square = perimeter * perimeter, c = 3.0 * area * area * area / (5.0 * viscosity * std::max(square, least_square) * length[k]);
     conductance[k] = perimeter > 0.0 && square > least_perimeter * least_perimeter * facet ? c : 0.0;
-    raised += throats.open_area[k] < least;
+    raised += open_area[k] < least;
   }
   if (!std::memchr(counted, 0, throats.count)) return raised;
   for (std::size_t k = 0; k < throats.count; ++k) {
