@@ -65,8 +65,8 @@ class Updates:
 
 
 def kernel_rates(network: PoreNetwork, flow: PoreFlow, ids: np.ndarray, x: np.ndarray, radius: np.ndarray) -> dict[str, float]:
-    """Tetrahedra and facets a second of one rank's geometry kernels, the best of several: volumes; throat sections, lengths and conductances in one
-    pass, as the flow solver takes them up; forces."""
+    """Tetrahedra and facets a second of one rank's geometry kernels, the best of several: volumes; throat sections and lengths, by the pass that counts
+    those which are limited; the same pass with conductances, as the flow solver takes them up; forces."""
 
     def rate(count: int, phase: str, call, before=lambda: None) -> float:
         def seconds() -> float:
@@ -82,7 +82,8 @@ def kernel_rates(network: PoreNetwork, flow: PoreFlow, ids: np.ndarray, x: np.nd
     volumes = rate(network.pores, "geometry", lambda: network.pore_volume, lambda: network.update(ids, x, radius))
     return {
         "volumes": volumes,
-        "sections": rate(throats, "geometry", flow.refresh),
+        "sections": rate(throats, "geometry", network.limited),
+        "with conductances": rate(throats, "geometry", flow.refresh),
         "forces": rate(throats, "forces", lambda: network.forces(pressure)),
     }
 

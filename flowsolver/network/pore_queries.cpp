@@ -138,8 +138,11 @@ Limited PoreNetwork::limited(double least_open_share, double least_void_share) {
   std::array<std::int64_t, 2> count{0, 0};
   for (std::size_t c = 0; c < pores(); ++c) count[0] += mesh_.owned[c] && volume.pore[c] < least_void_share * volume.cell[c];
   for_each_throat_block([&](const geometry::ThroatBlock& block) {
-    for (std::size_t k = 0; k < block.count; ++k)
-      count[1] += owned_throat[block.first + k] && block.open_area[k] < least_open_share * block.facet_area[k];
+    const bool* const owned = &owned_throat[block.first];
+    const double *const open = block.open_area, *const facet = block.facet_area;
+    std::int64_t below = 0;
+    for (std::size_t k = 0; k < block.count; ++k) below += owned[k] & (open[k] < least_open_share * facet[k]);
+    count[1] += below;
   });
   MPI_Allreduce(MPI_IN_PLACE, count.data(), 2, MPI_INT64_T, MPI_SUM, comm_);
   return {count[0], count[1]};
