@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "geometry/cells.hpp"
 #include "network/timer.hpp"
-#include "network/wall_steps.hpp"
 #include "tessellation/errors.hpp"
 
 namespace poreslip {
@@ -16,43 +14,6 @@ using geometry::Four;
 
 // Grains.
 constexpr std::size_t ahead = 24;
-
-using Gradients = std::vector<std::array<Four, 4>>;  // dV_c/dx of the four vertices of each cell; 0 for walls
-
-std::uint8_t corner_of(const Mesh& mesh, std::size_t cell, Vertex grain) {
-  std::uint8_t k = 0;
-  while (mesh.cell_vertex[k][cell] != grain) ++k;
-  return k;
-}
-
-void add_gradient(Gradients& gradients, const Mesh& mesh, std::size_t cell, Vertex grain, const Four& gradient) {
-  gradients[cell][corner_of(mesh, cell, grain)] += gradient;
-}
-
-// Of facets from the first one on.
-void add_facets(Gradients& gradients, const Mesh& mesh, const FacetView& facets, const GrainView& grains, ForceLaw law, std::size_t first = 0) {
-  for (std::size_t f = first; f < facets.size(); ++f) {
-    const geometry::FacetShares s = geometry::facet_shares(facets, grains, f, law);
-    const Four normal{s.normal[0], s.normal[1], s.normal[2], 0.0};
-    const int count = f < facets.end[0] ? 3 : f < facets.end[1] ? 2 : 1;
-    for (int k = 0; k < count; ++k) {
-      const Four part = s.share[k] * normal;
-      add_gradient(gradients, mesh, facets.left[f], facets.vertex[k][f], part);
-      if (facets.right[f] >= 0) add_gradient(gradients, mesh, facets.right[f], facets.vertex[k][f], -part);
-    }
-  }
-}
-
-// A pore that this rank does not own may lack facets, and with them parts of the gradients of vertices that are not its own, whose
-// forces and volumes are the owner's matter. Those are set so that all four sum to 0.
-void close(std::array<Four, 4>& gradient, const Mesh& mesh, std::size_t cell, const LocalGrains& local) {
-  for (int k = 0; k < 3; ++k) {
-    const Vertex v = mesh.cell_vertex[k][cell];
-    if (local.source[v] >= 0) continue;
-    gradient[k] -= (gradient[0] + gradient[1]) + (gradient[2] + gradient[3]);
-    return;
-  }
-}
 
 }  // namespace
 
@@ -69,7 +30,7 @@ void PoreResponse::begin(ForceLaw law, const double* pressure, const double* dri
   work_ = {};
   directory_ = network_.directory();
   id_.clear();
-  take_gradients(law);
+  if (!gradients_.take(law)) connected_ = false;
   by_matrix_ = law == ForceLaw::total;
   take_order(directory_.input_size(), nullptr);
   way_.assign(network_.local_grains().size() + 1, Four{});
@@ -92,7 +53,7 @@ void PoreResponse::begin_by_matrix() {
   // What a rank knows of all at once, without what matrices of other ranks will add: forces on its own grains; on walls, once over all ranks.
   const auto forces_of = [&](const std::vector<double>& pressure, std::vector<Four>& force) {
     force.assign(displacement_.size(), Four{});
-    push(pressure, force);
+    gradients_.add_forces(pressure, force);
     for (std::size_t i = 0; i < grains; ++i)
       if (local.source[i] < 0) force[i] = Four{};
     std::vector<double> on_walls(entries);
@@ -101,74 +62,9 @@ void PoreResponse::begin_by_matrix() {
   };
   forces_of(start_, first_);
   forces_of(drift_, drifting_);
-  const auto at_rest = static_cast<std::int32_t>(grains);
-  if (connected_ != network_.mesh_number()) matrix_.connect(volume_, network_.owned(), roof_, displacement_.size(), at_rest);
-  connected_ = network_.mesh_number();
-  matrix_.assemble(volume_, network_.owned(), roof_, stiffness_.data());
-}
-
-// Which vertices of their cells the grains of triangles are: the same until the mesh changes.
-void PoreResponse::take_corners(const FacetView& facets) {
-  if (corners_of_ == network_.mesh_number()) return;
-  corners_of_ = network_.mesh_number();
-  const Mesh& mesh = network_.mesh();
-  corner_.resize(facets.end[0]);
-  for (std::size_t f = 0; f < corner_.size(); ++f)
-    for (int k = 0; k < 3; ++k) {
-      corner_[f].left[k] = corner_of(mesh, facets.left[f], facets.vertex[k][f]);
-      if (facets.right[f] >= 0) corner_[f].right[k] = corner_of(mesh, facets.right[f], facets.vertex[k][f]);
-    }
-}
-
-void PoreResponse::take_gradients(ForceLaw law) {
-  const Mesh& mesh = network_.mesh();
-  const GrainView grains = network_.view();
-  const LocalGrains& local = network_.local_grains();
-  const FacetView facets = mesh.facet_view();
-  Gradients gradients(mesh.cells());
-  take_corners(facets);
-  geometry::add_triangle_gradients(facets, grains, corner_.data(), &gradients.data()->front()[0]);
-  add_facets(gradients, mesh, facets, grains, ForceLaw::total, facets.end[0]);
-  add_facets(gradients, mesh, mesh.outer.view(), grains, ForceLaw::total);
-  if (network_.groups() > 1)
-    for_each_step_gradient(mesh, grains, network_.wall_facets(), [&](std::size_t c, Vertex g, const Vector3& gradient) {
-      add_gradient(gradients, mesh, c, g, Four{gradient[0], gradient[1], gradient[2], 0.0});
-    });
-  volume_.grain.resize(mesh.cells());
-  volume_.gradient.resize(9 * mesh.cells() + 1);
-  for (std::size_t c = 0; c < mesh.cells(); ++c) {
-    if (!mesh.owned[c] && c < mesh.cell_end[0]) close(gradients[c], mesh, c, local);
-    for (int k = 0; k < 4; ++k) {
-      const Vertex v = mesh.cell_vertex[k][c];
-      volume_.grain[c][k] = is_wall(v) ? static_cast<std::int32_t>(local.size()) : v;
-      for (int d = 0; k < 3 && d < 3; ++d) volume_.gradient[9 * c + 3 * k + d] = gradients[c][k][d];
-    }
-  }
-  push_.clear();
-  if (law != ForceLaw::total) {
-    push_.resize(mesh.cells());
-    add_facets(push_, mesh, facets, grains, law);
-  }
-  std::vector<geometry::Roof> before(std::move(roof_));
-  roof_.clear();
-  geometry::for_each_roof(mesh.cell_view(), grains, [&](std::size_t cell, std::size_t entry, double area) {
-    const auto body = static_cast<std::int32_t>(local.size() + 1 + entry);
-    if (!roof_.empty() && roof_.back().cell == cell && roof_.back().body == body) roof_.back().area += area;
-    else roof_.push_back({cell, body, area});
-  });
-  // A grain may have come under another plane on the same mesh.
-  const auto alike = [](const geometry::Roof& a, const geometry::Roof& b) { return a.cell == b.cell && a.body == b.body; };
-  if (!std::equal(roof_.begin(), roof_.end(), before.begin(), before.end(), alike)) connected_ = -1;
-}
-
-// Adds the forces of the pressures on the local grains.
-void PoreResponse::push(const std::vector<double>& pressure, std::vector<Four>& force) const {
-  if (push_.empty()) {
-    geometry::add_cell_forces(volume_, pressure.data(), force.data());
-    return;
-  }
-  for (std::size_t c = 0; c < pressure.size(); ++c)
-    for (int k = 0; k < 4; ++k) force[volume_.grain[c][k]] += pressure[c] * push_[c][k];
+  if (!connected_) matrix_.connect(gradients_.cells(), network_.owned(), gradients_.roofs(), displacement_.size(), gradients_.at_rest());
+  connected_ = true;
+  matrix_.assemble(gradients_.cells(), network_.owned(), gradients_.roofs(), stiffness_.data());
 }
 
 void PoreResponse::take_order(std::size_t count, const std::int32_t* id) {
@@ -224,22 +120,14 @@ void PoreResponse::collect(double* out) const {
 void PoreResponse::sum_roofs(const std::vector<double>& pressure, double* wall_force) const {
   std::fill_n(wall_force, wall_before_.size(), 0.0);
   const bool* const owned = network_.owned();
-  for (const geometry::Roof& r : roof_)
+  for (const geometry::Roof& r : gradients_.roofs())
     if (owned[r.cell]) wall_force[entry(r)] += pressure[r.cell] * r.area;
   MPI_Allreduce(MPI_IN_PLACE, wall_force, static_cast<int>(wall_before_.size()), MPI_DOUBLE, MPI_SUM, network_.communicator());
 }
 
-// Volumes that this rank's own pores gain by displacements of grains and walls.
-std::vector<double> PoreResponse::gained(const std::vector<Four>& displacement) const {
-  std::vector<double> volume(start_.size(), 0.0);
-  geometry::add_gained_volumes(volume_, displacement.data(), volume.data());
-  for (const geometry::Roof& r : roof_) volume[r.cell] += r.area * displacement[r.body][0];
-  return volume;
-}
-
 const std::vector<double>& PoreResponse::swept() const {
   if (!swept_known_) {
-    swept_ = gained(displacement_);
+    swept_ = gradients_.gained(displacement_);
     network_.exchange().fetch(swept_.data());
   }
   swept_known_ = true;
@@ -257,7 +145,7 @@ std::array<double, 3> PoreResponse::work() const {
   if (!by_matrix_) return work_;
   // The sum over all steps of the mean pressure in the step, start + middle * drift - stiffness * (mean of swept), times the volume gained. That
   // of drift is as if all had been gained in the interval's middle; what steps before and after it differ by the forces have summed up.
-  const std::vector<double> volume = gained(displacement_);
+  const std::vector<double> volume = gradients_.gained(displacement_);
   const double middle = 0.5 * elapsed_;
   double by_fluid = drifted_;
   for (std::size_t c = 0; c < volume.size(); ++c)
@@ -274,7 +162,7 @@ void PoreResponse::forces(double* force, double* wall_force) const {
   } else {
     const std::vector<double> now = pressure();
     std::fill(force_.begin(), force_.end(), Four{});
-    push(now, force_);
+    gradients_.add_forces(now, force_);
     sum_roofs(now, wall_force);
   }
   collect(force);
@@ -380,8 +268,8 @@ void PoreResponse::work_alone(double* force) {
 
 double PoreResponse::answer_by_cells(double dt, const double* wall_velocity) {
   std::fill(gained_.begin(), gained_.end(), 0.0);
-  for (const geometry::Roof& r : roof_) gained_[r.cell] += r.area * (dt * wall_velocity[entry(r)]);
-  geometry::add_gained_volumes(volume_, way_.data(), gained_.data());
+  for (const geometry::Roof& r : gradients_.roofs()) gained_[r.cell] += r.area * (dt * wall_velocity[entry(r)]);
+  geometry::add_gained_volumes(gradients_.cells(), way_.data(), gained_.data());
   // Only the owner of a pore is sure to know all its facets.
   network_.exchange().fetch(gained_.data());
   double work = 0.0;
@@ -390,7 +278,7 @@ double PoreResponse::answer_by_cells(double dt, const double* wall_velocity) {
     const double rise = dt * drift_[c] - stiffness_[c] * gained_[c];
     if (network_.owned()[c]) work += (pressure_at(c) - 0.5 * rise) * gained_[c];
   }
-  push(pressure(), force_);
+  gradients_.add_forces(pressure(), force_);
   return work;
 }
 

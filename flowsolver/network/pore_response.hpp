@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "geometry/cell_response.hpp"
 #include "geometry/facets.hpp"
 #include "geometry/response_matrix.hpp"
 #include "network/grain_directory.hpp"
 #include "network/pore_network.hpp"
+#include "network/volume_gradients.hpp"
 
 namespace poreslip {
 
@@ -18,7 +18,7 @@ namespace poreslip {
 // the interval began. Collective. Grains may change their order and their rank within an interval.
 class PoreResponse {
  public:
-  explicit PoreResponse(PoreNetwork& network) : network_(network) {}
+  explicit PoreResponse(PoreNetwork& network) : network_(network), gradients_(network) {}
   // Where its vectors are filled: only there are they known to be aligned more than others, which freeing must know as well.
   ~PoreResponse();
   PoreResponse(const PoreResponse&) = delete;
@@ -55,8 +55,6 @@ class PoreResponse {
   double seconds() const { return seconds_; }                          // of this rank, that all steps took
 
  private:
-  void take_corners(const FacetView& facets);
-  void take_gradients(geometry::ForceLaw law);
   void take_order(std::size_t count, const std::int32_t* id);
   void spread(double dt, const double* velocity);
   void collect(double* out) const;
@@ -70,20 +68,14 @@ class PoreResponse {
   std::size_t entries_of(std::size_t grain) const { return 3 * static_cast<std::size_t>(input_of_local_[grain]); }
   void add_work(double dt, std::size_t size, const double* before, const double* after, const double* speed);
   std::size_t entry(const geometry::Roof& roof) const { return static_cast<std::size_t>(roof.body) - network_.local_grains().size() - 1; }
-  std::vector<double> gained(const std::vector<geometry::Four>& displacement) const;
   double answer_by_cells(double dt, const double* wall_velocity);
-  void push(const std::vector<double>& pressure, std::vector<geometry::Four>& force) const;
   void sum_roofs(const std::vector<double>& pressure, double* wall_force) const;
 
   PoreNetwork& network_;
   GrainDirectory directory_;
   std::vector<std::int32_t> id_;                 // the caller's order; empty: that of the network's last update
   std::vector<std::int32_t> input_of_local_;     // where alone: place in the caller's order
-  geometry::CellGradients volume_;
-  std::vector<geometry::TriangleCorners> corner_;
-  std::int64_t corners_of_ = -1;                 // number of the mesh of these
-  std::vector<std::array<geometry::Four, 4>> push_;  // where forces are not the gradients of the volumes (2), else empty
-  std::vector<geometry::Roof> roof_;             // of entries of wall_velocity, as bodies behind the grains and the one at rest
+  VolumeGradients gradients_;                    // where the interval began
   std::vector<double> start_, drift_, stiffness_;
   mutable std::vector<double> gained_;
   mutable std::vector<double> swept_;
@@ -96,7 +88,7 @@ class PoreResponse {
   bool by_matrix_ = false;
   bool alone_ = false;                           // one rank whose every local grain is one of the caller's
   geometry::ResponseMatrix matrix_;
-  std::int64_t connected_ = -1;                  // number of the mesh whose cells and roofs the matrix connects
+  bool connected_ = false;                       // the matrix connects the bodies that the gradients do
   std::vector<geometry::Four> way_;              // of the last step, m, of grains; of the walls' entries too where by_matrix_
   std::vector<geometry::Four> first_, drifting_; // forces when the interval began, N, and what drift adds to them, N/s
   double drifted_ = 0.0;                         // sum over the steps of their middle times drifting_ . way_, J
