@@ -112,7 +112,7 @@ class Conditions:
         for point in [*boundary.points, *boundary.sources]:
             if not _is_point(point):
                 faults.append(f"the point {shown(point)} is not of four finite numbers: expected x, y, z in m and a pressure or a rate")
-        network.agree(faults)
+        network.agree(faults, **({} if faults else {"boundary": _outline(boundary)}))
 
         owner = np.full(m, -1, np.int16)
         start, source, places = before.copy(), np.zeros(m), _Places(network)
@@ -162,7 +162,7 @@ class Conditions:
         network.comm.Allreduce(MPI.IN_PLACE, sums)
         outflow = dict(zip(names, sums.tolist()))
         outflow["points"] -= float(sum(source[3] for source in boundary.sources))
-        if not boundary.points and not boundary.sources:
+        if not len(boundary.points) and not len(boundary.sources):
             del outflow["points"]
         if boundary.inside is None:
             del outflow["inside"]
@@ -171,6 +171,12 @@ class Conditions:
 
 def _is_point(point: Any) -> bool:
     return isinstance(point, Sequence | np.ndarray) and len(point) == 4 and all(is_number(one) and np.isfinite(one) for one in point)
+
+
+def _outline(boundary: Boundary) -> dict[str, Any]:
+    """What has to be the same on all ranks: functions may give each rank's own pores what they like."""
+    faces = {name: {face: "a function" if callable(value) else float(value) for face, value in getattr(boundary, name).items()} for name in ("pressure", "inflow")}
+    return faces | {name: np.asarray(getattr(boundary, name), float).tolist() for name in ("points", "sources")} | {"inside": boundary.inside is not None}
 
 
 class _Places:
@@ -197,7 +203,10 @@ class _Places:
 def _values(name: str, value: PressureValue, place: NDArray[np.float64], faults: list[str]) -> np.ma.MaskedArray:
     """(k,) float64: a value at places (k, 3) in m. One that fails, or does not fit, is added to `faults`, so that all ranks hear of it."""
     try:
-        found = np.ma.asarray(value(place) if callable(value) else np.full(len(place), value), float)
+        found = np.ma.asarray(value(place) if callable(value) else np.full(len(place), value))
+        if found.dtype.kind == "c":
+            raise TypeError("it yields complex numbers")
+        found = np.ma.asarray(found, float)
     except Exception as error:  # a caller's function raises whatever it likes
         faults.append(f"{name} cannot be had: {type(error).__name__}: {error}")
         return np.ma.zeros(len(place))

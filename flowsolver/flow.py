@@ -144,7 +144,9 @@ class PoreFlow:
         conductance = checked_choice("conductance", conductance, CONDUCTANCE_LAWS, faults)
         if not isinstance(petsc_options, str):
             faults.append(f'petsc_options is {shown(petsc_options)}: expected text, such as "-flow_pc_type gamg"')
-        network.agree(faults)
+        network.agree(
+            faults, viscosity=viscosity, compressibility=compressibility, conductance=conductance, least_open_share=least_open_share,
+            least_void_share=least_void_share, petsc_options=petsc_options)  # fmt: skip
         self.network = network
         self._unchecked_options = petsc_options
         self._native = _native.PoreFlow(
@@ -158,14 +160,14 @@ class PoreFlow:
         force = checked_array("body_force", body_force, np.float64, (3,), faults)
         if not np.isfinite(force).all():
             faults.append(f"body_force is {force}: expected finite numbers in Pa/m")
-        self.network.agree(faults)
+        self.network.agree(faults, body_force=force.tolist())
         self.body_force = force
         self._native.refresh([float(f) for f in force])
 
-    def _check(self, faults: Sequence[str] = ()) -> None:
-        """Raise InputError on all ranks for a fault on any, or where this flow is that of pores which there are no more."""
+    def _check(self, faults: Sequence[str] = (), **alike: Any) -> None:
+        """Raise InputError on all ranks for a fault on any, for what is not `alike` on all, or where this flow is that of pores which there are no more."""
         self._native.require_current()
-        self.network.agree(faults)
+        self.network.agree(faults, **alike)
 
     @property
     def conductance(self) -> NDArray[np.float64]:
@@ -197,8 +199,9 @@ class PoreFlow:
         so is it where nothing determines another. Default: 0, with an iteration that starts from a plane through the given pressures."""
         faults: list[str] = []
         tolerance = tolerance_of(tolerance, faults)
-        self._check(faults)
+        self._check(faults, tolerance=tolerance)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
+        self.network.agree([], pressure="none" if pressure is None else "given")
         start = plane_through(self.network, conditions.fixed, conditions.given) if pressure is None else None
         after, report = self._solve(conditions, conditions.given, 0.0, tolerance, start)
         balance = self._balance(conditions, after, None)
@@ -233,7 +236,7 @@ class PoreFlow:
         if not isinstance(order, int | np.integer) or isinstance(order, bool) or order not in (1, 2):
             faults.append(f"order is {shown(order)}: expected 1 or 2")
         tolerance = tolerance_of(tolerance, faults)
-        self._check(faults)
+        self._check(faults, dt=dt, tolerance=tolerance, order=order)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         given, before = conditions.given, conditions.before
         if order == 1:
@@ -255,7 +258,7 @@ class PoreFlow:
         """Explicit steps (9) over `dt` (s), as many as the stability limit asks for."""
         faults: list[str] = []
         dt, most_substeps = time_of(dt, faults), checked_whole("most_substeps", most_substeps, 1, faults)
-        self._check(faults)
+        self._check(faults, dt=dt, most_substeps=most_substeps)
         conditions = Conditions.of(self.network, boundary, pressure, volume_rate)
         if self.storage.size and not (self.storage > 0).all():
             self.network.agree(["explicit flow needs a fluid with compressibility above 0"])

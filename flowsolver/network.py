@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
-from flowsolver.checks import checked_array, checked_choice, checked_flag, checked_number, shown
+from flowsolver.checks import SHOWN, checked_array, checked_choice, checked_flag, checked_number, shown
 from flowsolver.native import load
 
 _native = load("poreslip_network")
@@ -27,6 +27,17 @@ LEAST_VOID_SHARE = 0.05
 
 ForceLaw = Literal["total", "pressure"]
 FORCE_LAWS = get_args(ForceLaw)
+
+
+def _same_on_all(comm: MPI.Comm, values: dict[str, Any]) -> None:
+    """InputError on all ranks, naming the first of these values by name that is another one on another rank. Collective."""
+    if comm.size == 1:
+        return
+    told = comm.allgather({name: repr(value) for name, value in values.items()})
+    for rank, others in enumerate(told):
+        for name, other in others.items():
+            if other != told[0][name]:
+                raise InputError(f"{name} differs between ranks: {told[0][name][:SHOWN]} on rank 0, {other[:SHOWN]} on rank {rank}; give the same on every rank")
 
 
 class PoreNetwork:
@@ -66,6 +77,7 @@ class PoreNetwork:
         for fault in comm.allgather(faults[0] if faults else ""):
             if fault:
                 raise InputError(fault)
+        _same_on_all(comm, {"lower": box[0].tolist(), "upper": box[1].tolist(), "periodic": [bool(p) for p in periodic], "trusted_displacement": trusted})
         self._native = _native.PoreNetwork(
             comm.py2f(), [float(v) for v in box[0]], [float(v) for v in box[1]], [bool(p) for p in periodic], trusted
         )
@@ -80,9 +92,12 @@ class PoreNetwork:
         """The native object, for the native flow solver."""
         return self._native
 
-    def agree(self, faults: Sequence[str]) -> None:
-        """Raise InputError on all ranks if any rank has a fault; with the first fault of the lowest such rank."""
+    def agree(self, faults: Sequence[str], **alike: Any) -> None:
+        """Raise InputError on all ranks if any rank has a fault, with the first fault of the lowest such rank; or if one of `alike` is not the same
+        on all ranks, which would wait for each other, or solve a system of parts that do not fit."""
         self._native.agree(faults[0] if faults else "")
+        if alike:
+            _same_on_all(self.comm, alike)
 
     def update(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from geometry_reference import random_pack
@@ -106,6 +108,7 @@ def failing(place):
         (Boundary(pressure={"xmin": lambda place: np.where(place[:, 1] > 0.5, 1.0, np.nan)}), "the pressure of face 'xmin' is not a finite number in Pa everywhere"),
         (Boundary(pressure={"xmin": "low"}), "the pressure of face 'xmin' is 'low': expected a number in Pa, or a function of places"),
         (Boundary(pressure={"xmin": 0.0}, inflow={"xmax": of_wrong_shape}), "the inflow of face 'xmax' has shape"),
+        (Boundary(pressure={"xmin": lambda place: 1j * place[:, 0]}), "the pressure of face 'xmin' cannot be had: TypeError: it yields complex numbers"),
         (Boundary(inside=of_wrong_shape), "the pressure inside has shape"),
         (Boundary(points=[(0.5, 0.5, 1.0)]), "not of four finite numbers"),
         (Boundary(points=(0.5, 0.5, 0.5, 1.0)), "the point 0.5 is not of four finite numbers"),
@@ -154,3 +157,14 @@ def test_positions_that_are_no_whole_array_are_refused(bad):
     network = PoreNetwork(MPI.COMM_SELF, [0.0] * 3, [1.0] * 3)
     with pytest.raises(InputError, match="position (is no array|has masked entries)"):
         network.update([0, 1], bad, [0.1, 0.1])
+
+
+@pytest.mark.parallel
+def test_what_differs_between_ranks_is_refused_on_all(mpirun):
+    """Two ranks, which would wait for each other for ever, or solve a system of two halves."""
+    done = mpirun(2, [Path(__file__).with_name("flow_alike_ranks.py")])
+    assert done.returncode == 0, done.stderr
+    lines = [line.split("|") for line in done.stdout.splitlines()]
+    assert len(lines) == 12
+    for case, one, two in lines:
+        assert one == two and one.startswith(f"{case.split()[0]} differs between ranks: "), (case, one, two)
