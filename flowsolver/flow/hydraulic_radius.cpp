@@ -12,6 +12,10 @@ namespace {
 // Of the radius of the throat's smallest grain.
 constexpr double least_length = 3e-4;
 
+// Of the product of its edges' lengths, six times a cell's volume: below this it is flat but for rounding, as between four grains of a lattice on one
+// circle, and where its centre lies across its plane is not determined.
+constexpr double flat = 1e-9;
+
 Vector3 outward(Vertex wall) {
   Vector3 n{0.0, 0.0, 0.0};
   n[wall_axis(wall_of(wall))] = wall_sign(wall_of(wall));
@@ -38,6 +42,14 @@ Vector3 power_centre(const Mesh& mesh, const GrainView& grains, std::size_t cell
   }
   const Vector3 a = cross(row[1], row[2]), b = cross(row[2], row[0]), c = cross(row[0], row[1]);
   const double det = dot(row[0], a);
+  if (std::abs(det) <= flat * norm(row[0]) * norm(row[1]) * norm(row[2])) {
+    // The circle's centre, in the plane: between those of the cells on both sides, whose distance it leaves as it is.
+    const Vector3* normal[3] = {&a, &b, &c};
+    const int k = static_cast<int>(std::max_element(normal, normal + 3, [](const Vector3* p, const Vector3* q) { return dot(*p, *p) < dot(*q, *q); }) - normal);
+    const Vector3& across = *normal[k];
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    return (right[i] / dot(across, across)) * cross(row[j], across) + (right[j] / dot(across, across)) * cross(across, row[i]);
+  }
   return (right[0] / det) * a + (right[1] / det) * b + (right[2] / det) * c;
 }
 
