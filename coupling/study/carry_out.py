@@ -86,6 +86,8 @@ class Work:
         """The reference runs come first, so that each line can tell an error."""
         references = list(self._plan.references.values())
         digests = {setting.jobs["run"].digest for setting in references}
+        others = [setting for setting in self._plan.settings if setting.jobs["run"].digest not in digests]
+        self._count = len(references) + len(others)
         for setting in references:
             # A reference that does not come to its end leaves the study without any error to tell.
             self.rows.append(self._row(setting, is_reference=True))
@@ -94,9 +96,7 @@ class Work:
             if math.isnan(self.rows[-1].error):
                 raise InputError(f"the reference, {setting}, does not show what [observable] asks for: {self.rows[-1].reason}.")
             self._tell(setting, self.rows[-1])
-        for setting in self._plan.settings:
-            if setting.jobs["run"].digest in digests:
-                continue
+        for setting in others:
             self.rows.append(self._row(setting))
             self._tell(setting, self.rows[-1])
 
@@ -158,9 +158,8 @@ class Work:
         return self._expected[digest]
 
     def _tell(self, setting: Setting, row: Row) -> None:
-        count = len(self._plan.settings) + sum(one.is_reference for one in self.rows)
         said = "the reference" if row.is_reference else f"error {row.error:.3g}" if math.isfinite(row.error) else " ".join(row.reason.split())[:100]
-        print(f"{self._study.stem}  {len(self.rows)}/{count}  {setting}  {said}  {row.cost.cpu_s:.3g} CPU s", flush=True)
+        print(f"{self._study.stem}  {len(self.rows)}/{self._count}  {setting}  {said}  {row.cost.cpu_s:.3g} CPU s", flush=True)
 
 
 def of_file(path: Path, wanted: Observable) -> Observed:

@@ -109,8 +109,10 @@ def test_rates_of_a_fault(study, tmp_path):
 
     # Again: nothing is repeated. Another value: only that.
     made = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
-    again, _ = study(RATES.replace("[10.0, 20.0, 1e4]", "[10.0, 20.0, 40.0]"))
+    again, _ = study(RATES.replace("[10.0, 20.0, 1e4]", "[5.0, 10.0, 20.0, 40.0]"))
     assert again.returncode == 0, again.stderr
+    # One of the settings is the reference, and is not told twice.
+    assert [line.split()[1] for line in again.stdout.splitlines() if " CPU s" in line and "/" in line.split()[1]] == ["1/4", "2/4", "3/4", "4/4"]
     after = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").glob("*/finished.json")}
     assert len(after) == 4 and made.items() <= after.items()
     assert lines(results)[1] == rows[0]
