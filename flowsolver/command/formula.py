@@ -59,6 +59,13 @@ class Formula:
         except ValueError:
             return None
 
+    def everywhere(self, time: float) -> float | None:
+        """The value at a time in s where places do not matter, as of 1e5 / 3 or 2 * t; None of a formula of x, y or z."""
+        if self.number is not None:
+            return self.number
+        named = {node.id for node in ast.walk(ast.parse(self.text.strip(), mode="eval")) if isinstance(node, ast.Name)}
+        return None if named & {"x", "y", "z"} else float(self.at(np.zeros((1, 3)), time)[0])
+
     def at(self, place: NDArray[np.float64], time: float) -> NDArray[np.float64]:
         """(k,) float64: values at places (k, 3) in m and a time in s."""
         if (number := self.number) is not None:

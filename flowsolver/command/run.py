@@ -230,7 +230,8 @@ def _momentum_residual(
 def _permeability(a: argparse.Namespace, network: PoreNetwork, flow: PoreFlow, result: FlowResult) -> float | None:
     """k along the driven axis, m^2: from the drop between two opposite faces over the box, or from a body force along a period. None where the fluid
     has other ways in or out as well."""
-    given, lengths = {face: value.number for face, value in a.face}, network.lengths
+    end = 0.0 if a.dt is None else a.steps * a.dt
+    given, lengths = {face: value.everywhere(end) for face, value in a.face}, network.lengths
     if a.inflow or a.point or a.source or len({face[0] for face in given}) > 1:
         return None
     for axis in range(3):

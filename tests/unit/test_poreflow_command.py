@@ -198,6 +198,13 @@ def test_pressures_by_place_and_time(pack, tmp_path):
     assert abs(history["pressure_max"][3]) < 1e-3
 
 
+@pytest.mark.parametrize(("value", "time"), [("1e5 / 3", []), ("7 * t", ["--dt", "1e3", "--steps", "2"]), ("2 + 0 * x", None)])
+def test_pressures_even_over_a_wall_tell_a_permeability(pack, tmp_path, value, time):
+    found = report_of(tmp_path, pack, *BOX, "--face", f"ymin={value}", "--face", "ymax=0", "--viscosity", "10", *(time or []))["permeability"]
+    expected = report_of(tmp_path, pack, *BOX, *DRIVEN)["permeability"]
+    assert found is None if time is None else found == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.parametrize("other", [("--face", "xmin=1"), ("--point", "0.5", "0.5", "0.5", "0"), ("--source", "0.5", "0.5", "0.5", "1e-3"), ("--inflow", "xmin=1e-3")])
 def test_a_flow_with_other_ways_in_or_out_tells_no_permeability(pack, tmp_path, other):
     alone = report_of(tmp_path, pack, *BOX, *DRIVEN)
