@@ -114,9 +114,11 @@ void PoreFlow::report_divergence(const SolveReport& report) const {
       std::snprintf(text, sizeof text, ", worst pore at (%.9g, %.9g, %.9g) m out of balance by %g m^3/s", p[0], p[1], p[2], largest);
     }
     fault = "the linear solver did not converge (" + std::string(KSPConvergedReasons[report.reason]) + ") after " + std::to_string(report.iterations) +
-            " iterations: residual " + number_text(report.residual) + (overflown ? "" : text) +
-            (overflown ? "; flows are too large for the computer's numbers: look at the units of viscosity, pressures and box"
-                       : "; allow more iterations (-flow_ksp_max_it) or a larger tolerance");
+            " iterations: residual " + number_text(report.residual) + (overflown ? "" : text) + "; " +
+            (overflown                                     ? "flows are too large for the computer's numbers: look at the units of viscosity, pressures and box"
+             : report.reason == KSP_DIVERGED_INDEFINITE_PC ? "the preconditioner fails, as multigrid may where conductances are too unlike: take another "
+                                                             "(-flow_pc_type jacobi), or a larger tolerance"
+                                                           : "allow more iterations (-flow_ksp_max_it) or a larger tolerance");
   }
   agree_on_computation(comm_, fault);
 }

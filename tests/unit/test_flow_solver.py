@@ -9,7 +9,7 @@ import pytest
 from geometry_reference import random_pack
 from mpi4py import MPI
 
-from flowsolver import InputError, PoreNetwork
+from flowsolver import ComputationError, InputError, PoreNetwork
 from flowsolver.flow import Boundary, PoreFlow
 
 DRIVEN = Boundary(pressure={"xmin": 1e5, "xmax": 0.0})
@@ -345,6 +345,14 @@ def test_bad_input(network, fault):
     act, message = FAULTS[fault]
     with pytest.raises(InputError, match=message):
         act(network)
+
+
+def test_a_preconditioner_that_fails_is_not_for_more_iterations(network):
+    """Relaxation far beyond its limit makes multigrid indefinite; what is told then holds."""
+    flow = PoreFlow(network, 1.0, petsc_options="-flow_pc_hypre_boomeramg_relax_type_all Jacobi -flow_pc_hypre_boomeramg_relax_weight_all 5.0")
+    with pytest.raises(ComputationError, match=r"DIVERGED_INDEFINITE_PC\).*take another \(-flow_pc_type jacobi\)"):
+        flow.steady(DRIVEN)
+    assert PoreFlow(network, 1.0, petsc_options="-flow_pc_type jacobi").steady(DRIVEN).mass_residual < 1e-12
 
 
 def test_options_are_of_one_solver(network, capfd):
