@@ -58,8 +58,11 @@ def pack(blocks: tuple[int, int, int], part: int = 0, parts: int = 1) -> tuple[n
 
 
 if __name__ == "__main__":
-    import sys
+    import argparse
 
-    # The pack as text, x y z r, and its box, for other codes: python pack.py GRAINS FILE
-    _, places, radii, top = pack(BLOCKS[int(sys.argv[1])])
-    np.savetxt(sys.argv[2], np.column_stack([places, radii]), fmt="%.17g", header="box 0 0 0 " + " ".join(repr(float(t)) for t in top))
+    parser = argparse.ArgumentParser(description="The pack as text, x y z r, and its box, for other codes.")
+    parser.add_argument("grains", type=int, choices=BLOCKS)
+    parser.add_argument("file")
+    arguments = parser.parse_args()
+    _, places, radii, top = pack(BLOCKS[arguments.grains])
+    np.savetxt(arguments.file, np.column_stack([places, radii]), fmt="%.17g", header="box 0 0 0 " + " ".join(repr(float(t)) for t in top))
