@@ -10,13 +10,13 @@ against the first of the intervals. Figures are CPU seconds of the loading: engi
 peer is YADE's FlowEngine with a solve in every step: where yade is installed its rate is measured in the same run, by ../flow_update/yade_flow.py on as
 many grains; else it is the 0.21 million grain-steps a second of 8000 grains on this class of machine.
 
-Measured on one core of an AMD EPYC (2026-11-22, at b19bc5a, `--rows predicted:100 predicted:600:0.16`), 8106 grains, 5652 steps, a build on the other
-core; figures move by a tenth from run to run, those over dry with the dry run's. YADE made 0.246 million grain-steps a CPU second in the same run.
+Measured on one core of an AMD EPYC (2026-11-23, at 7333126, `--rows predicted:100 predicted:600:0.16`), 8106 grains, 5652 steps, nothing else of ours
+at work; figures move by a tenth from run to run, those over dry with the dry run's. YADE made 0.213 million grain-steps a CPU second in the same run.
 
                      to Terzaghi  to first  engine  forces    mesh   solve   total  over dry  M grain-steps/s  over peer
-                dry                            9.0     0.0     0.0     0.0     9.0      1.00             5.12       20.8
-      predicted 100       0.0078    0.0000     9.5     2.5     0.4     1.9    14.2      1.59             3.22       13.1
- predicted 600 0.16       0.0117    0.0147     9.3     1.9     0.2     0.9    12.3      1.38             3.72       15.1
+                dry                            9.8     0.0     0.0     0.0     9.8      1.00             4.66       21.9
+      predicted 100       0.0078    0.0000    10.6     2.4     0.3     1.6    14.9      1.52             3.08       14.5
+ predicted 600 0.16       0.0118    0.0147     9.2     1.7     0.1     0.7    11.7      1.19             3.90       18.3
 
 Even intervals, before the answer to a step was a product with one matrix (`--rows predicted:10 predicted:50 predicted:100 predicted:150 predicted:200`, YADE
 0.228):
