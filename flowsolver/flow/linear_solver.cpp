@@ -28,8 +28,8 @@ constexpr double changed_share = 0.2;
 
 double elapsed(double since) { return MPI_Wtime() - since; }
 
-// Multigrid's coarser matrices as two products, one after the other: on several ranks that takes a quarter less time than the three at once,
-// HYPRE's default. PETSc has no option for it.
+// Multigrid's coarser matrices as two products, one after the other: on several ranks that takes less time than the three at once, HYPRE's
+// default (benchmarks/flow_update/README.md). PETSc has no option for it.
 void ask_for_two_products(KSP solver) {
   PC preconditioner = nullptr;
   const char* type = nullptr;

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from geometry_reference import random_pack
 from mpi4py import MPI
+from told_by_ranks import told
 
-from flowsolver import InputError, PoreNetwork
+from flowsolver import PoreNetwork
 from flowsolver.flow import Boundary, PoreFlow
 
 comm = MPI.COMM_WORLD
@@ -45,12 +46,7 @@ CASES = {
     "dt of explicit steps": lambda: flow.explicit(DRIVEN, zero, other(1e-12, 2e-12)),
 }
 for case, call in CASES.items():
-    try:
-        call()
-        said = "no error"
-    except InputError as error:
-        said = str(error)
-    everyone = comm.gather(said)
+    everyone = told(call)
     if comm.rank == 0:
         print(case, *everyone, sep="|")
 # A number is a number, and functions are each rank's own.

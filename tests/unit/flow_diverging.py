@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from geometry_reference import random_pack
 from mpi4py import MPI
+from told_by_ranks import told
 
 from flowsolver import ComputationError, PoreNetwork
 from flowsolver.flow import Boundary, PoreFlow
@@ -15,11 +16,6 @@ own = np.arange(100)[comm.rank :: 2]
 net = PoreNetwork(comm, [0] * 3, [1] * 3)
 net.update(own, x[own], r[own])
 flow = PoreFlow(net, 1e-3, petsc_options="-flow_ksp_max_it 1 -flow_pc_type jacobi")
-try:
-    flow.steady(Boundary(pressure={"xmin": 1.0, "xmax": 0.0}))
-    said = "no error"
-except ComputationError as error:
-    said = str(error)
-everyone = comm.gather(said)
+everyone = told(lambda: flow.steady(Boundary(pressure={"xmin": 1.0, "xmax": 0.0})), ComputationError)
 if comm.rank == 0:
     print(*everyone, sep="\n")

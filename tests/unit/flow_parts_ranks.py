@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 from geometry_reference import random_pack
 from mpi4py import MPI
+from told_by_ranks import told
 
-from flowsolver import InputError, PoreNetwork
+from flowsolver import PoreNetwork
 from flowsolver.flow import Boundary, PoreFlow
 
 COUNT, CENTRES = 150, (75, 17)
@@ -33,12 +34,7 @@ def main() -> None:
     flow = PoreFlow(net, 1e-3)
     for grain in CENTRES:
         shut_out(net, flow, (vertices == grain).any(axis=1) & (vertices >= 0).all(axis=1))
-    try:
-        flow.steady(Boundary())
-        said = "no error"
-    except InputError as error:
-        said = str(error)
-    everyone = comm.gather(said)
+    everyone = told(lambda: flow.steady(Boundary()))
 
     alone = PoreFlow(net, 1e-3)
     inside = np.sort(vertices, axis=1)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 from test_geometry_bad_input import CASES, IDS, R, X
+from told_by_ranks import told
 
-from flowsolver import InputError, PoreNetwork
+from flowsolver import PoreNetwork
 
 comm = MPI.COMM_WORLD
 net = PoreNetwork(comm, [0] * 3, [1] * 3)
@@ -15,12 +16,7 @@ for case, (given, _) in CASES.items():
     own = dict(id=IDS + 100 * comm.rank, position=X * (0.4 + 0.55 * comm.rank), radius=R * 0.4)
     if comm.rank == 1 or case == "no grains":
         own |= given
-    try:
-        net.update(**own)
-        said = "no error"
-    except InputError as error:
-        said = str(error)
-    everyone = comm.gather(said)
+    everyone = told(lambda: net.update(**own))
     if comm.rank == 0:
         print(case, *everyone, sep="|")
 sound = dict(id=IDS + 100 * comm.rank, position=X * (0.4 + 0.55 * comm.rank), radius=R * 0.4)

@@ -55,6 +55,25 @@ def test_work_and_mass_close_every_interval(pack, split):
         assert coupling.exchange().mass_residual < 1e-10
 
 
+def test_grains_that_come_under_another_plane():
+    """On the mesh of the interval before: what answers the planes' ways is connected anew."""
+    x, r = random_pack(120, (0.06, 0.09), seed=5)
+    ids, planes, rng = np.arange(120), np.repeat(UNIT_BOX, 2, axis=0), np.random.default_rng(3)
+    net = PoreNetwork(MPI.COMM_SELF, [0] * 3, [1] * 3)
+    sides = [np.digitize(x[:, 0], [split]).astype(np.int32) for split in (0.3, 0.7)]
+    net.update(ids, x, r, planes, sides[0])
+    coupling = TwoWayCoupling(net, PoreFlow(net, 1e-3, compressibility=4.5e-10), DRAINED_BELOW, np.full(net.pores, 1e4))
+    coupling.move(np.zeros_like(x), 1e-8)
+    coupling.exchange()
+    assert coupling.update(ids, x, r, planes, sides[1]) == "kept"
+    for _ in range(3):
+        velocity, walls = rng.normal(size=x.shape) * 1e-3, rng.normal(size=(2, 6)) * 1e-3
+        force, wall_force = coupling.forces()
+        gained = (force * velocity).sum() + (wall_force * walls).sum()
+        assert gained == pytest.approx(coupling.pressure @ net.volume_rate(velocity, walls), rel=1e-9)
+        coupling.move(velocity, 1e-8, walls)
+
+
 def test_work_of_pressures_that_drain(pack):
     """The fluid gives what its pressures, half-way through each of unlike steps, do on the volumes that pores gain, drainage included."""
     net, flow, x, _ = pack
