@@ -4,8 +4,8 @@
     python benchmarks/overhead/run.py --repeats 5 --scene sample
 
 Each figure is the median over the repeats, and a step's time is the difference of a long and a short run over their difference of
-steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The last column is less at the mercy of the
-host: what the flow's own phases took of the long run, over all other phases of the same run. The stock program runs the
+steps, so that start and end count for nothing. The repeats of the kinds follow each other in turn. The last column is of the long
+run alone: what the flow's own phases took of it, over all its other phases. The stock program runs the
 deck of the loading stage with the same values; it gets our styles by preloading (preload_styles.cpp), for LIGGGHTS has no walls and bonds of that
 kind, and writes neither history nor report.
 """
